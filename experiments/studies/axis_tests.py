@@ -1,6 +1,6 @@
 """How often the expanded uncertainties of `facets axis` hold the truth, over drawn axes.
 
-    python -m facets.experiments.studies.axis_tests [--axes 200] [--first 0]
+    python -m facets.experiments.studies.axis_tests [--first 0] [--draws 200]
 
 Each axis (along x or z, or about z) has errors of drawn sizes, from far below the sensor's
 uncertainty to far above. It is tested by a sensor whose parameters are off by a draw from its
@@ -13,7 +13,6 @@ the main component and for all six, and the same for the error motions by positi
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -31,6 +30,8 @@ from facets.core.names import STATE
 from facets.core.sensor import Calibration, Sensor
 from facets.core.units import Floats
 from facets.simulation.axis_runs import command_columns, run_states
+
+from .options import parse_options
 
 #: Standard uncertainties of a calibration: mm and rad.
 SIGMAS = {
@@ -122,13 +123,10 @@ def compare_with_truth(seed: int) -> Held:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--axes", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0)
-    asked = parser.parse_args()
-    held = [compare_with_truth(seed) for seed in range(asked.first, asked.first + asked.axes)]
+    asked = parse_options(__doc__, first=0, draws=200)
+    held = [compare_with_truth(seed) for seed in range(asked.first, asked.first + asked.draws)]
     inside, relative, positions = (np.array(part) for part in zip(*held, strict=True))
-    print(f"{asked.axes} axes; share within the expanded uncertainty, %")
+    print(f"{asked.draws} axes; share within the expanded uncertainty, %")
     print("quantity  main  all six   U over the value, quartiles (main)")
     for k, (_, symbol, _) in enumerate(QUANTITIES):
         main_share, every = 100 * inside[:, 0, k].mean(), 100 * inside[:, :, k].mean()

@@ -32,8 +32,7 @@ class RayBench(NamedTuple):
     background: (3, 3) power and place, mW and mm.
     profile: factor of the irradiance at places (..., 2) across the beam, in standard deviations;
     None for a Gaussian beam.  chip: radius of the piece broken off the tip of the first two
-    facets, mm.  dust: place on facet B from the tip, along x and y of the mirror (2,), and radius
-    (to 1/e) of a patch that absorbs all in its middle, mm; None without.  tip: area, square to the
+    facets, mm.  tip: area, square to the
     mirror's axis, of a disc at the tip that reflects nothing, mm^2.  domes: curvatures of facets A,
     B and C, positive where their middle bulges out, 1/mm.  gain: factor of the beam's power.
     """
@@ -49,7 +48,6 @@ class RayBench(NamedTuple):
     background: Floats
     profile: Callable[[Floats], Floats] | None = None
     chip: float = 0.0
-    dust: tuple[float, float, float] | None = None
     tip: float = 0.0
     domes: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gain: float = 1.0
@@ -250,10 +248,6 @@ def spot(facet: RayFacet) -> Floats:
     points, weights, distances = sample_facet(facet)
     if bench.chip and k < 2:
         weights = weights * (np.linalg.norm(points, axis=-1) > bench.chip)
-    if bench.dust is not None and k == 1:
-        x, y, radius = bench.dust
-        far = (points[:, 0] - x) ** 2 + (points[:, 1] - y) ** 2
-        weights = weights * (1 - np.exp(-far / radius**2))
     slope = surface_slope(facet, distances) - bench.domes[k] * points
     power, centre, reflected = facet_light(facet, points, weights, slope)
     if bench.tip:

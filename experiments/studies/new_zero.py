@@ -13,21 +13,14 @@ Two minutes.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 import facets
-from facets.calibration.fitting.bundle_adjustment import states_of
 from facets.calibration.fitting.unknowns import fold_mount
-from facets.calibration.rezero import (
-    ChangePriors,
-    NewZero,
-    StopReadings,
-    renew_zero,
-)
+from facets.calibration.rezero import ChangePriors, NewZero, StopReadings, renew_zero
 from facets.calibration.table import choice
 from facets.calibration.verdict import verdict
 from facets.core.sensor import Sensor
@@ -35,13 +28,14 @@ from facets.core.units import Floats
 from facets.detectors.correction import correct, invert_correction
 from facets.detectors.noise import add_noise, standard_deviations
 
-from .bench_rays import RayBench, spots
-from .rigs import BOX, REACH_MM, BenchRig, Rng, draw_bench_rig, poses_on_bench, sample_bench_motion
+from .bench_rays import spots
+from .options import parse_options
+from .rigs import BOX, BenchRig, Rng, draw_bench_rig
+from .simulated_bench import draw_poses, draw_scene, measure, samples_of, states_at
 
 NOTHING = np.zeros(10)
 #: Number of rows averaged at a stop.
 ROWS = 20_000
-UNITS = np.array([1e3] * 3 + [1e6] * 3)
 #: Priors for a stop that repeats almost exactly, and a beam whose width stays.
 EXACT_STOP = ChangePriors(width=1e-7, stop=1e-7, stop_angle=1e-9)
 
@@ -54,52 +48,41 @@ class CalibratedRig(NamedTuple):
     rng: Rng
 
 
-def calibrate_rig(seed: int, samples: int = 500) -> CalibratedRig:
-    settings, rng = facets.load("paper"), np.random.default_rng(seed)
-    real = draw_bench_rig(settings.sensor, rng)
-    data, _ = sample_bench_motion(real, samples, rng, np.array([REACH_MM, REACH_MM, *BOX[2:]]))
-    asked = settings.calibrate
-    result = verdict(settings.sensor, data, choice(settings.sensor, asked), asked)
+def calibrate_rig(seed: int) -> CalibratedRig:
+    config, rng = facets.load("paper"), np.random.default_rng(seed)
+    real = draw_bench_rig(config.sensor, rng)
+    data = samples_of(measure(draw_scene(real, rng), [], seed), config.calibrate)
+    result = verdict(config.sensor, data, choice(config.sensor, config.calibrate), config.calibrate)
     assert result.sensor is not None
     return CalibratedRig(real, result.sensor, rng)
 
 
-def change_rig(real: BenchRig, change: Floats) -> Sensor:
-    """The rig's sensor after changes (10,), with power as a share; its light: `change_light`."""
+def change_rig(real: BenchRig, change: Floats) -> BenchRig:
+    """The rig after changes (10,), with power and width as shares; the beam's place is left."""
     sensor = real.rig.sensor
-    psds = [
+    a, b, c = (
         replace(psd, height=psd.height + change[6 + k],
                 correction=replace(psd.correction, power=psd.correction.power + change[3 + k]))
         for k, psd in enumerate(sensor.psds)
-    ]  # fmt: skip
+    )  # fmt: skip
     beam = replace(sensor.beam, power=sensor.beam.power * (1 + change[2]))
-    return replace(sensor, beam=beam, psds=(psds[0], psds[1], psds[2]))
+    light = real.bench._replace(covariance=real.bench.covariance * (1 + change[9]) ** 2)
+    return BenchRig(real.rig._replace(sensor=replace(sensor, beam=beam, psds=(a, b, c))), light)
 
 
-def change_light(bench: RayBench, change: Floats) -> RayBench:
-    """The light of the rays after changes (10,), of which the last is the beam's width."""
-    return bench._replace(covariance=bench.covariance * (1 + change[9]) ** 2)
+def read_exactly(real: BenchRig, pose: Floats, beam: Floats) -> Floats:
+    """Readings (m, 9) at the reference's poses (m, 6) with the beam at a place (2,)."""
+    states = states_at(real.rig.values, pose, np.tile(beam, (len(pose), 1)))
+    return spots(real.rig.sensor, real.bench, states)
 
 
 def read_stop(one: CalibratedRig, pose: Floats, change: Floats) -> StopReadings:
     """Mean detector readings of the changed rig at the reference's poses (m, 6)."""
-    sensor = change_rig(one.real, change)
-    bench = change_light(one.real.bench, change)
-    exact = spots(sensor, bench, true_states(one, pose, change[:2]))
-    sigma = standard_deviations(sensor, exact) / np.sqrt(ROWS)
+    real = change_rig(one.real, change)
+    exact = read_exactly(real, pose, change[:2])
+    sigma = standard_deviations(real.rig.sensor, exact) / np.sqrt(ROWS)
     noisy = exact + sigma * one.rng.standard_normal(exact.shape)
-    return StopReadings(invert_correction(sensor, noisy), sigma**2)
-
-
-def true_states(one: CalibratedRig, pose: Floats, beam: Floats, is_folded: bool = False) -> Floats:
-    """True states (m, 8); `is_folded` selects the axes that the reference moves."""
-    values = one.real.rig.values
-    data = poses_on_bench(one.real.rig, 1, np.random.default_rng(0))
-    data = data._replace(
-        raw=np.empty((len(pose), 9)), pose=pose, beam=np.tile(beam, (len(pose), 1))
-    )
-    own_values = np.zeros((len(pose), 9))
-    return states_of(data, own_values, fold_mount(values) if is_folded else values)
+    return StopReadings(invert_correction(real.rig.sensor, noisy), sigma**2)
 
 
 class ChangeDraw(NamedTuple):
@@ -120,7 +103,7 @@ def draw_changes(one: CalibratedRig, priors: ChangePriors, poses: int = 20) -> C
     then = read_stop(one, pose, NOTHING)
     zero = renew_zero(one.sensor, then, read_stop(one, pose + missed, change), priors)
     off = (zero.change - change * zero.prior / priors.sigmas(1.0)) / zero.uncertainty
-    fresh = poses_on_bench(one.real.rig, poses, rng).pose
+    fresh = draw_poses(one.real.rig, poses, rng)
     before = solve_poses(one, fresh, change, one.sensor, np.zeros(2))
     after = solve_poses(one, fresh, change, zero.sensor, zero.beam)
     return ChangeDraw(off, zero.chi_square, before, after)
@@ -131,15 +114,11 @@ def solve_poses(
 ) -> Floats:
     """Errors of poses of the changed rig, solved by a sensor, over their uncertainties (n, 6)."""
     real = change_rig(one.real, change)
-    bench = change_light(one.real.bench, change)
-    exact = spots(real, bench, true_states(one, pose, change[:2]))
-    raw = invert_correction(real, add_noise(real, exact, one.rng))
-    poses = facets.solve(
-        sensor, correct(sensor, raw), beam=facets.Prior(beam, 0.0), power="unknown", threads=0
-    )
-    truth = true_states(one, pose, change[:2], is_folded=True)
-    off: Floats = (poses.state - truth)[:, :6] / poses.uncertainty[:, :6]
-    return off
+    noisy = add_noise(real.rig.sensor, read_exactly(real, pose, change[:2]), one.rng)
+    readings = correct(sensor, invert_correction(real.rig.sensor, noisy))
+    poses = facets.solve(sensor, readings, beam=facets.Prior(beam, 0.0), power="unknown", threads=0)
+    off: Floats = poses.state[:, :6] - states_at(fold_mount(real.rig.values), pose)[:, :6]
+    return off / poses.uncertainty[:, :6]
 
 
 def move_mirror(one: CalibratedRig, moved: Floats, priors: ChangePriors) -> NewZero:
@@ -166,10 +145,7 @@ def show(name: str, zero: NewZero) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rigs", type=int, default=4)
-    parser.add_argument("--draws", type=int, default=50, help="for each rig")
-    options = parser.parse_args()
+    options = parse_options(__doc__, rigs=4, draws=50)
     rigs = [calibrate_rig(seed) for seed in range(options.rigs)]
     show("known change, exact stop", known_change(rigs[0]))
     priors = ChangePriors()

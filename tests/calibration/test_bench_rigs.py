@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from facets.experiments.studies import disturbed_rigs, new_zero, rigs
-from rig_samples import CONFIG, NOMINAL, WIDE, accepted_effects, judge, words_of
+from facets.experiments.studies import simulated_bench as bench
+from rig_samples import CONFIG, NOMINAL, accepted_effects, judge, words_of
 
 import facets
-from facets.calibration import ChangePriors
+from facets.calibration import ChangePriors, fold_mount
 from facets.detectors import correct
 
 
@@ -17,11 +18,11 @@ def calibrated():
     """A rig with every effect at once and 3 % LG10 in its beam, which made x and y ten times wrong
     while the model's beam was Gaussian; and what is said of 300 samples."""
     rng = np.random.default_rng(1)
-    (wrong,) = (case.wrong for case in disturbed_rigs.cases() if case.name == "3 % LG10")
+    (wrong,) = (case for case in disturbed_rigs.CASES if case.words == "3 % LG10")
     real = rigs.draw_bench_rig(NOMINAL, rng)
-    real = real._replace(bench=wrong.light(real.bench))
-    data, _ = rigs.sample_bench_motion(real, 300, rng, WIDE)
-    return real, judge(data, CONFIG.calibrate), rng
+    table = bench.measure(bench.draw_scene(real, rng, 300), [wrong], 1)
+    real = real._replace(bench=wrong.parts["bench"](real.bench, None, None))
+    return real, judge(bench.samples_of(table, CONFIG.calibrate), CONFIG.calibrate), rng
 
 
 @pytest.mark.slow
@@ -32,11 +33,13 @@ def test_a_rig_with_every_effect_at_once_is_calibrated(calibrated):
     assert effects <= accepted_effects(judged)
     assert "profile is not Gaussian" in words_of(judged)
     assert max(judged.sensor.light.profile) == pytest.approx(0.015, abs=0.003)
-    other, state = rigs.sample_bench_motion(real, 300, rng)
+    use = bench.draw_use(real, rng, 300)
+    raw = bench.readings_of(bench.measure(use, [], 2))
+    state = bench.states_at(fold_mount(real.rig.values), use.pose)
     ideal = facets.add_noise(judged.sensor, facets.readings(judged.sensor, state), rng)
     solved, perfect = (
         facets.solve(judged.sensor, readings, beam="known", power="unknown")
-        for readings in (correct(judged.sensor, other.raw), ideal)
+        for readings in (correct(judged.sensor, raw), ideal)
     )
     error, least = ((each.state - state)[:, :6] for each in (solved, perfect))
     assert (rigs.rms(error) < 1.5 * rigs.rms(least)).all()

@@ -30,7 +30,7 @@ from facets.simulation import states
 
 
 def test_rigs_are_found_with_honest_uncertainties():
-    """Three of the twenty rigs of `experiments/studies/rigs.py`, which have 78 parameters: 95 %
+    """Three of the rigs of `experiments/studies/rigs.py`, which have 78 parameters: 95 %
     inside is 74 +- 2."""
     off = []
     for seed in range(3):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.experiments.studies import rigs
-from facets.experiments.studies.bench_faults import change_currents
+from facets.experiments.studies.faults import change_currents
 from rig_samples import (
     CONFIG,
     NOMINAL,

@@ -7,7 +7,7 @@ from hashlib import sha256
 
 import numpy as np
 import pytest
-from facets.experiments.studies import bench_rays, new_zero, rigs
+from facets.experiments.studies import new_zero, rigs
 from rig_samples import IDEAL_RAYS, NOMINAL
 
 import facets
@@ -44,11 +44,10 @@ def read(change, pose=POSE):
 
     change: power and widths as shares.
     """
-    sensor, pose = new_zero.change_rig(REAL, change), np.atleast_2d(pose)
-    state = np.column_stack([pose, np.tile(change[:2], (len(pose), 1))])
-    exact = bench_rays.spots(sensor, new_zero.change_light(IDEAL_RAYS, change), state)
-    variance = standard_deviations(sensor, exact) ** 2 / ROWS
-    return StopReadings(invert_correction(sensor, exact), variance)
+    real = new_zero.change_rig(REAL, change)
+    exact = new_zero.read_exactly(real, np.atleast_2d(pose), change[:2])
+    variance = standard_deviations(real.rig.sensor, exact) ** 2 / ROWS
+    return StopReadings(invert_correction(real.rig.sensor, exact), variance)
 
 
 THEN = read(NOTHING)

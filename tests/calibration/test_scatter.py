@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments.studies import disturbed_rigs, rigs
+from facets.experiments.studies import rigs
+from facets.experiments.studies.faults import jumps
 from rig_samples import (
     NOMINAL,
     accepted_effects,
@@ -26,7 +27,11 @@ COUNT = 120
 
 
 def shake_mirror(pose, rng):
-    return disturbed_rigs.scatter(disturbed_rigs.only(2e-4))(pose, rng) - pose
+    return 2e-4 * rng.standard_normal(pose.shape) * [1, 1, 1, 0, 0, 0]
+
+
+def shake_beam(count, rng):
+    return 5e-4 * rng.standard_normal((count, 2))
 
 
 @pytest.mark.parametrize(
@@ -34,7 +39,7 @@ def shake_mirror(pose, rng):
     [
         (COUNT, {"mirror": shake_mirror}, "reference_scatter", "tx", 2e-4),
         (COUNT, {"noise": 1.3}, "detector_scatter", "powers", (1.3**2 - 1) ** 0.5),
-        pytest.param(2 * COUNT, {"beam": disturbed_rigs.tremble(5e-4)}, "beam_scatter", "beam",
+        pytest.param(2 * COUNT, {"beam": shake_beam}, "beam_scatter", "beam",
                      5e-4, marks=pytest.mark.slow),
     ],
 )  # fmt: skip
@@ -74,7 +79,7 @@ def test_samples_that_jump_are_excluded_and_decide_nothing():
     """The same fit, and the same steadiness of the laser, as without them."""
     data = sample_rig(COUNT, 3)[1]
     sigma = standard_deviations(NOMINAL, data.raw)
-    raw = disturbed_rigs.jumps(0.03, 300, "bursts")(data.raw, sigma, np.random.default_rng(2))
+    raw = jumps(0.03, 300, "bursts")(data.raw, sigma, np.random.default_rng(2))
     hit = (raw != data.raw).any(axis=1)
     asked = replace(settings(), held_back=0.0)
     judged, clean = judge(data._replace(raw=raw), asked), judge(data.part(~hit), asked)
@@ -115,8 +120,10 @@ def test_many_outliers_are_none():
 
 
 def test_backlash_is_found_and_told():
-    play = disturbed_rigs.backlash(np.array([1e-3, 0, 0, 0, 0, 0]))
-    data = sample_rig(COUNT, 4, mirror=lambda pose, rng: play(pose, rng) - pose)[1]
+    def play(pose, rng):
+        return -np.sign(np.diff(pose, axis=0, prepend=pose[:1] - 1)) * [1e-3, 0, 0, 0, 0, 0]
+
+    data = sample_rig(COUNT, 4, mirror=play)[1]
     judged = judge(data, settings(backlash="auto"))
     assert judged.is_trusted
     assert judged.fit.all_values[PLACE["backlash.tx"]] == pytest.approx(1e-3, abs=1e-4)

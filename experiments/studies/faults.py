@@ -1,0 +1,421 @@
+"""Faults of real benches, each made of the stages of a measurement at which it acts
+(`simulated_bench`): a change of the values there, most often a direction times a course.
+
+`disturbed_rigs` lists faults of given sizes, and `unseen_rigs` draws faults of random sizes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
+
+from facets.core.units import Floats
+from facets.detectors.noise import standard_deviations
+
+from .bench_rays import RayFacet, facet_light, facet_of, sample_facet, spots
+from .rigs import Rng
+from .simulated_bench import Columns, Parts, Scene
+
+#: Half size of a detector, mm, and the power on it at rest, mW.
+HALF_MM, POWER_MW = 6.5, 0.1
+#: Columns of the places in a reading, and of the angles in a pose.
+PLACES, ANGLES = [0, 1, 3, 4, 6, 7], [3, 4, 5]
+
+#: Values (n,) of a fault over the rows.
+Course = Callable[[Scene, Rng], Floats]
+Rows = Callable[[Scene, Rng], Any]
+
+
+# ---- courses
+
+
+def step(at: float) -> Course:
+    return lambda scene, rng: (scene.share > at).astype(float)
+
+
+def ramp(scene: Scene, rng: Rng) -> Floats:
+    return scene.share - 0.5
+
+
+def warmth(scene: Scene, rng: Rng) -> Floats:
+    return scene.air
+
+
+def late_warmth(tau: float) -> Course:
+    """The temperature of a body that follows the air with a time constant, s."""
+
+    def course(scene: Scene, rng: Rng) -> Floats:
+        follow = 1 - np.exp(-(scene.time[1] - scene.time[0]) / tau)
+        late = scene.air[0] + filtered(scene.air - scene.air[0], follow, 1 - follow)
+        return late - late.mean()
+
+    return course
+
+
+def white(scene: Scene, rng: Rng) -> Floats:
+    return rng.standard_normal(scene.rows)
+
+
+def wander(length: float) -> Course:
+    """Random motion of r.m.s. 1 with a memory of some rows."""
+    keep = np.exp(-1 / length)
+    return lambda scene, rng: filtered(white(scene, rng), np.sqrt(1 - keep**2), keep)
+
+
+def walk(scene: Scene, rng: Rng) -> Floats:
+    """Random walk of r.m.s. 1 about its mean."""
+    way = np.cumsum(white(scene, rng))
+    return np.asarray((way - way.mean()) / way.std())
+
+
+def hum(per_row: float) -> Course:
+    """A vibration that the rows sample too seldom."""
+    return lambda scene, rng: np.sin(2 * np.pi * (per_row * np.arange(scene.rows) + rng.random()))
+
+
+def hops(length: float) -> Course:
+    """Random jumps between 0 and 1, some rows apart."""
+    return lambda scene, rng: (np.cumsum(rng.random(scene.rows) < 1 / length) % 2).astype(float)
+
+
+def glitches(share: float) -> Course:
+    """Random numbers in a share of the rows, 0 in the others."""
+    return lambda scene, rng: white(scene, rng) * (rng.random(scene.rows) < share)
+
+
+def filtered(values: Floats, gain: float, keep: float) -> Floats:
+    return np.asarray(lfilter([gain], [1, -keep], values))
+
+
+def previous(values: Floats) -> Floats:
+    return np.concatenate([values[:1], values[:-1]])
+
+
+# ---- directions
+
+
+def at_detector(k: int, direction: Floats | list[float]) -> Floats:
+    """A direction (9,) of readings that is one of a detector's place (2,), or reading (3,)."""
+    out = np.zeros(9)
+    out[3 * k : 3 * k + len(direction)] = direction
+    return out
+
+
+def at_places(directions: Floats) -> Floats:
+    """A direction (9,) of readings that is one of all places (6,)."""
+    out = np.zeros(9)
+    out[PLACES] = directions
+    return out
+
+
+def axis(number: int, size: float = 1.0) -> Floats:
+    """A direction (6,) of poses along one axis."""
+    return np.asarray(size * np.eye(6)[number])
+
+
+# ---- changes at a stage
+
+
+def add(stage: str, direction: Floats | list[float], course: Course) -> Parts:
+    """Add a direction (m,) times a course."""
+    return {stage: lambda values, scene, rng: values + np.outer(course(scene, rng), direction)}
+
+
+def add_each(stage: str, directions: Floats, course: Course) -> Parts:
+    """Add to each component of a direction (m,) a course of its own, such as noise."""
+
+    def hook(values: Floats, scene: Scene, rng: Rng) -> Floats:
+        return values + np.column_stack([size * course(scene, rng) for size in directions])
+
+    return {stage: hook}
+
+
+def change_bench(**fields: Any) -> Parts:
+    """Give the light of the rays other properties, by fields of `RayBench`."""
+    return {"bench": lambda bench, scene, rng: bench._replace(**fields)}
+
+
+def change_profile(factor: Callable[[Floats, Floats], Floats]) -> Parts:
+    """A factor of the irradiance at places x, y, in standard deviations of the beam."""
+    return change_bench(profile=lambda places: factor(places[..., 0], places[..., 1]))
+
+
+def add_mode(share: float) -> Callable[[Floats, Floats], Floats]:
+    """A share of the light is in the first ring mode."""
+    return lambda x, y: 1 + share * ((1 - (x * x + y * y) / 2) ** 2 - 1)
+
+
+def add_ghost(share: float, a: float, b: float) -> Callable[[Floats, Floats], Floats]:
+    """A second beam with a share of the first, a and b standard deviations beside it."""
+    return lambda x, y: 1 - share + share * np.exp(a * x + b * y - (a * a + b * b) / 2)
+
+
+def add_fringes(depth: float, a: float, b: float, phase: float = 0.0) -> Any:
+    """Fringes of a depth, with wave numbers in radians a standard deviation."""
+    return lambda x, y: 1 + depth * np.cos(a * x + b * y + phase)
+
+
+def dim(loss: float, course: Course) -> Parts:
+    return {"power": lambda power, scene, rng: power * (1 - loss * course(scene, rng))}
+
+
+def error_matrix(matrix: Floats) -> Parts:
+    """A reference that adds a matrix (6, 6) times the pose."""
+    return {"reference": lambda said, scene, rng: said + scene.pose @ matrix.T}
+
+
+def pose_error(number: int, error: Callable[[Floats], Floats]) -> Parts:
+    """A reference that adds to one axis a function of the pose (n, 6)."""
+    return add("reference", axis(number), lambda scene, rng: error(scene.pose))
+
+
+def backlash(size: Floats) -> Parts:
+    """Make the mirror lag by half of the backlash, against each axis's last step."""
+    return {"mirror": lambda pose, scene, rng: pose - size * np.sign(pose - previous(pose))}
+
+
+def lag(share: float) -> Parts:
+    """The mirror stays behind by a share of each step."""
+    return {"mirror": lambda pose, scene, rng: pose - share * (pose - previous(pose))}
+
+
+def delay(late: float, course: Course) -> Parts:
+    """A reference that is sampled later than the readings, by `late` s times a course."""
+    return {"reference": lambda said, scene, rng: said + scene.shift(late * course(scene, rng))}
+
+
+def edit(
+    stage: str, columns: Any, change: Callable[[Floats], Floats], rows: Rows | None = None
+) -> Parts:
+    """Change columns (n, m) of readings or poses, in some rows."""
+
+    def hook(values: Floats, scene: Scene, rng: Rng) -> Floats:
+        out, some = values.copy(), rows(scene, rng) if rows else np.ones(scene.rows, bool)
+        out[np.ix_(some, columns)] = change(values[:, columns])[some]
+        return out
+
+    return {stage: hook}
+
+
+def between(first: float, last: float) -> Rows:
+    return lambda scene, rng: (scene.share >= first) & (scene.share < last)
+
+
+def random_rows(share: float) -> Rows:
+    return lambda scene, rng: rng.random(scene.rows) < share
+
+
+def in_steps(grid: float | Floats) -> Callable[[Floats], Floats]:
+    return lambda values: grid * np.round(values / grid)
+
+
+def smooth(rows: int) -> Callable[[Floats], Floats]:
+    """Means over an odd number of rows."""
+
+    def change(values: Floats) -> Floats:
+        wide = np.pad(values, ((rows // 2,) * 2, (0, 0)), mode="reflect", reflect_type="odd")
+        return np.lib.stride_tricks.sliding_window_view(wide, rows, axis=0).mean(axis=-1)
+
+    return change
+
+
+def reorder_angles(angles: Floats) -> Floats:
+    """A stage that turns about its axes in the other order."""
+    return np.asarray(Rotation.from_euler("xyz", angles).as_euler("zyx")[:, ::-1])
+
+
+def take_rows(order: Rows) -> Parts:
+    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+        rows = order(scene, rng)
+        return {name: column[rows] for name, column in columns.items()}
+
+    return {"table": hook}
+
+
+def add_column(name: str, course: Course) -> Parts:
+    """A further column, such as the temperature, of the rows as they were measured."""
+    return {"table": lambda columns, scene, rng: columns | {
+        name: course(scene, rng)[columns["row"].astype(int)]}}  # fmt: skip
+
+
+def add_thermometer(course: Course = warmth) -> Parts:
+    return add_column("temperature_c", lambda scene, rng: np.round(21.3 + course(scene, rng), 3))
+
+
+# ---- readings
+
+
+def add_light(raw: Floats, power: Floats, place: Floats) -> Floats:
+    """Add light of powers (n, 3) at places (n, 3, 2) to readings."""
+    parts = raw.reshape(-1, 3, 3)
+    whole = parts[..., 2] + power
+    both = parts[..., :2] * parts[..., 2:] + place * power[..., None]
+    return np.concatenate([both / whole[..., None], whole[..., None]], axis=-1).reshape(-1, 9)
+
+
+def shine(power: Floats | list[float], place: Floats, course: Course) -> Parts:
+    """Other light of powers (3,) at places (3, 2) on the detectors."""
+    return {"readings": lambda raw, scene, rng: add_light(
+        raw, np.outer(course(scene, rng), power), place[None])}  # fmt: skip
+
+
+def scatter_light(k: int, share: float, place: Floats) -> Parts:
+    """A share of the light of the next facet falls on a place of a detector."""
+
+    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+        power = share * raw[:, 3 * ((k + 1) % 3) + 2]
+        return add_light(raw, np.outer(power, np.eye(3)[k]), np.broadcast_to(place, (1, 3, 2)))
+
+    return {"readings": hook}
+
+
+def lose_light(k: int, patch: Callable[[RayFacet], tuple[Floats, Floats]]) -> Parts:
+    """Take the light away that a patch of a facet reflects, its points (m, 3) and areas (m,)."""
+
+    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+        assert scene.states is not None
+        facet = facet_of(scene.real.rig.sensor, scene.real.bench, scene.states, k)
+        light = facet_light(facet, *patch(facet))
+        power, place = np.zeros((scene.rows, 3)), np.zeros((scene.rows, 3, 2))
+        power[:, k], place[:, k] = -light.power, light.place
+        return add_light(raw, power, place)
+
+    return {"readings": hook}
+
+
+def dust(k: int, radius: float, loss: float, away: float, opening: float) -> Parts:
+    """A disc that takes a share of the light, `away` mm from the tip of a facet, at a share of the
+    facet's opening; radius: mm."""
+    r, turn = np.meshgrid(np.sqrt((np.arange(8) + 0.5) / 8), np.arange(16) * np.pi / 8)
+    flat = radius * np.column_stack([(r * np.cos(turn)).ravel(), (r * np.sin(turn)).ravel()])
+
+    def patch(facet: RayFacet) -> tuple[Floats, Floats]:
+        angle = np.arccos(facet.edges[0] @ facet.edges[1]) * opening
+        middle = away * np.array([np.cos(angle), np.sin(angle)])
+        points = (middle + flat) @ np.array([facet.edges[0], facet.inward[0]])
+        return points, np.full(len(flat), loss * np.pi * radius**2 / len(flat))
+
+    return lose_light(k, patch)
+
+
+def tarnish(k: int, loss: float) -> Parts:
+    """A facet reflects less by `loss` for each mm from its first edge on."""
+
+    def patch(facet: RayFacet) -> tuple[Floats, Floats]:
+        points, area, distances = sample_facet(facet)
+        return points, area * np.minimum(loss * distances[:, 0], 1)
+
+    return lose_light(k, patch)
+
+
+def turn_polarisation(turn: float) -> Parts:
+    """The light's polarisation turns from the first row to the last."""
+
+    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+        sensor, bench, states = scene.real.rig.sensor, scene.real.bench, scene.states
+        assert states is not None
+        other = bench._replace(polarisation=(bench.polarisation or 0.0) + turn)
+        change = spots(sensor, other, states) - spots(sensor, bench, states)
+        return raw + scene.share[:, None] * change
+
+    return {"readings": hook}
+
+
+def delay_detector(k: int, late: float) -> Parts:
+    """A detector that is read later than the others, by `late` s."""
+
+    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+        sensor, bench, states = scene.real.rig.sensor, scene.real.bench, scene.states
+        assert states is not None
+        there = states.copy()
+        there[:, :6] += scene.shift(np.full(scene.rows, late))
+        change = spots(sensor, bench, there) - spots(sensor, bench, states)
+        return raw + change * (np.arange(9) // 3 == k)
+
+    return {"readings": hook}
+
+
+def bend_places(k: int, error: Callable[[Floats], Floats]) -> Parts:
+    """Add a function of a detector's places (n, 2) to them."""
+    return edit("readings", [3 * k, 3 * k + 1], lambda place: place + error(place))
+
+
+def remember(share: float, detectors: Floats | float = 1.0) -> Parts:
+    """Detectors (9,) whose readings keep a share of the last ones."""
+    return {"readings": lambda raw, scene, rng: raw + share * detectors * (previous(raw) - raw)}
+
+
+def change_currents(raw: Floats, change: Callable[[Floats], Floats]) -> Floats:
+    """Change the electrodes' currents (n, 3, 2, 2), in mW: detector, axis, end."""
+    parts, out = raw.reshape(-1, 3, 3), np.empty((len(raw), 3, 3))
+    ends = np.stack([1 + parts[..., :2] / HALF_MM, 1 - parts[..., :2] / HALF_MM], axis=-1)
+    current = change(ends * parts[..., 2, None, None] / 2)
+    total = current.sum(axis=-1)
+    out[..., :2] = HALF_MM * (current[..., 0] - current[..., 1]) / total
+    out[..., 2] = total.mean(axis=-1)
+    return out.reshape(-1, 9)
+
+
+def bend_currents(change: Callable[[Floats, Any], Floats], size: Floats | float) -> Parts:
+    """Change the electrodes' currents (n, 3, 2, 2), mW, by a function of them and of a size."""
+    return {"readings": lambda raw, scene, rng: change_currents(raw, lambda i: change(i, size))}
+
+
+def add_currents(size: float, every: int) -> Parts:
+    """An automatic zero that sets new offsets after some rows, by random numbers of a size, mW."""
+
+    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+        offsets = size * rng.standard_normal((scene.rows // every + 1, 3, 2, 2))
+        dark = np.repeat(offsets, every, axis=0)[: scene.rows]
+        return change_currents(raw, lambda current: current + dark)
+
+    return {"readings": hook}
+
+
+def warm_gain(shares: Floats) -> Parts:
+    """The gain of electrodes changes by shares (3, 2, 2) for each K."""
+    return {"readings": lambda raw, scene, rng: change_currents(
+        raw, lambda current: current * (1 + np.multiply.outer(scene.air, shares)))}  # fmt: skip
+
+
+def scatter(change: Callable[[Floats, Floats, Rng], Floats]) -> Parts:
+    """Change readings by their standard deviations (n, 9)."""
+    return {"readings": lambda raw, scene, rng: change(
+        raw, standard_deviations(scene.real.rig.sensor, raw), rng)}  # fmt: skip
+
+
+def add_noise(weights: Floats, in_common: bool = False) -> Parts:
+    """Add noise by weights (9,) of the readings' own, each by itself or all together."""
+    return scatter(
+        lambda raw, sigma, rng: (
+            raw + weights * sigma * rng.standard_normal((len(raw), 1 if in_common else 9))
+        )
+    )
+
+
+def jumps(share: float, size: float, kind: str) -> Callable[[Floats, Floats, Rng], Floats]:
+    """Readings of which a share of the rows is shifted by `size` standard deviations.
+
+    kind: "rows", all nine of a row; "single", one of the nine; "bursts", rows that follow each
+    other, all with the same signs; "detector", the three of detector B.
+    """
+
+    def spoil(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        count = max(1, round(share * len(raw)))
+        rows = rng.permutation(len(raw))[:count]
+        signs = rng.choice([-1, 1], (count, 9))
+        if kind == "bursts":
+            rows, signs = np.sort(rows)[0] % (len(raw) - count) + np.arange(count), signs[:1]
+        elif kind == "single":
+            signs = signs * np.eye(9)[rng.integers(0, 9, count)]
+        elif kind == "detector":
+            signs = signs * at_detector(1, [1, 1, 1])
+        out = raw.copy()
+        out[rows] += size * signs * sigma[rows]
+        return out
+
+    return spoil
