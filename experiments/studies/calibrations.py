@@ -93,19 +93,19 @@ def solve(sensor: Sensor, raw: Floats) -> facets.Solution:
     return facets.solve(sensor, correct(sensor, raw), beam="known", power="unknown", threads=1)
 
 
-def assess_poses(sensor: Sensor, use: Scene, table: Columns, rng: Rng) -> dict[str, Floats]:
-    """Errors of another motion that is solved with a calibrated sensor, as in `Trial`."""
+def assess_poses(trial: Trial, sensor: Sensor, use: Scene, table: Columns, rng: Rng) -> Trial:
+    """Solve another motion with a calibrated sensor; rng: for the readings of a perfect rig."""
     state = states_at(fold_mount(use.real.rig.values), use.pose)
     ideal = add_noise(sensor, facets.readings(sensor, state), rng)
     perfect = facets.solve(sensor, ideal, beam="known", power="unknown", threads=1)
     solved = solve(sensor, readings_of(table))
     error, stated = (solved.state - state)[:, :6], solved.uncertainty[:, :6]
     there = np.isfinite(error).sum(axis=0)  # a converter at its end leaves no pose
-    return {
-        "over": rms(error) / rms((perfect.state - state)[:, :6]),
-        "held": (np.abs(error) < 1.96 * stated).sum(axis=0) / there,
-        "beyond": rms(error) / rms(stated),
-    }
+    return trial._replace(
+        over=rms(error) / rms((perfect.state - state)[:, :6]),
+        held=(np.abs(error) < 1.96 * stated).sum(axis=0) / there,
+        beyond=rms(error) / rms(stated),
+    )
 
 
 def draw_calibration(seed: int, faults: list[Fault], sensor: Sensor, reach: float) -> Scene:
@@ -134,7 +134,7 @@ def try_rig(scene: Scene, faults: list[Fault], config: Config, seed: int) -> Tri
     rng = np.random.default_rng([seed, 92])
     use = draw_use(scene.real, rng)
     used = measure(use, [fault for fault in faults if fault.group in LASTING], seed)
-    return trial._replace(**assess_poses(result.sensor, use, used, rng))
+    return assess_poses(trial, result.sensor, use, used, rng)
 
 
 def is_harmless(scene: Scene, fault: Fault, seed: int) -> bool:

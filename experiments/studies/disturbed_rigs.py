@@ -70,7 +70,7 @@ LAMP = np.array([[3.0, 1.0], [-2.0, 4.0], [1.0, -3.0]])
 SHARED = np.array([0, 1.2, 0] * 3)
 PINCUSHION = [1, 1, 0.5] * 3
 ONLY_B = at_detector(1, [2.0, 2.0, 2.0])
-of_mode, of_ghost, of_fringes = add_mode(0.005), add_ghost(5e-4, 1.5, -1), add_fringes(1e-3, *WAVES)
+of_mode, of_ghost, of_fringes = add_mode(0.005), add_ghost(5e-4, 1.5, -1), add_fringes(1e-3, WAVES)
 
 
 def case(group: str, words: str, parts: Parts, *named_by: str, in_time: bool = False) -> Fault:
@@ -133,11 +133,11 @@ CASES: list[Fault] = [
          "profile is not Gaussian"),
     case("light", "2 % HG10", change_profile(lambda x, y: 0.98 + 0.02 * x * x)),
     case("light", "1 % HG10", change_profile(lambda x, y: 0.99 + 0.01 * x * x)),
-    case("light", "fringes of 1 %, 0.3 mm", change_profile(add_fringes(0.01, *WAVES)),
+    case("light", "fringes of 1 %, 0.3 mm", change_profile(add_fringes(0.01, WAVES)),
          "fringes across"),
     case("light", "fringes of a window of 0.5 %, 0.7 mm",
          edit("readings", [4, 5], lambda b: b * (
-             1 + [[0, 0.005]] * np.cos(2 * np.pi * b[:, :1] / 0.7))),
+             1 + np.array([0, 0.005]) * np.cos(2 * np.pi * b[:, :1] / 0.7))),
          "fringes of the window of detector B"),
     case("light", "ghost of 0.5 %", change_profile(add_ghost(5e-3, 1.5, -1)),
          "a second reflex"),

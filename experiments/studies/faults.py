@@ -51,7 +51,7 @@ def late_warmth(tau: float) -> Course:
     def course(scene: Scene, rng: Rng) -> Floats:
         follow = 1 - np.exp(-(scene.time[1] - scene.time[0]) / tau)
         late = scene.air[0] + filtered(scene.air - scene.air[0], follow, 1 - follow)
-        return late - late.mean()
+        return np.asarray(late - late.mean())
 
     return course
 
@@ -125,11 +125,12 @@ def add(stage: str, direction: Floats | list[float], course: Course) -> Parts:
     return {stage: lambda values, scene, rng: values + np.outer(course(scene, rng), direction)}
 
 
-def add_each(stage: str, directions: Floats, course: Course) -> Parts:
+def add_each(stage: str, directions: Floats | list[float], course: Course) -> Parts:
     """Add to each component of a direction (m,) a course of its own, such as noise."""
 
     def hook(values: Floats, scene: Scene, rng: Rng) -> Floats:
-        return values + np.column_stack([size * course(scene, rng) for size in directions])
+        each = np.column_stack([size * course(scene, rng) for size in directions])
+        return np.asarray(values + each)
 
     return {stage: hook}
 
@@ -139,7 +140,7 @@ def change_bench(**fields: Any) -> Parts:
     return {"bench": lambda bench, scene, rng: bench._replace(**fields)}
 
 
-def change_profile(factor: Callable[[Floats, Floats], Floats]) -> Parts:
+def change_profile(factor: Callable[[Floats, Floats], Any]) -> Parts:
     """A factor of the irradiance at places x, y, in standard deviations of the beam."""
     return change_bench(profile=lambda places: factor(places[..., 0], places[..., 1]))
 
@@ -154,9 +155,9 @@ def add_ghost(share: float, a: float, b: float) -> Callable[[Floats, Floats], Fl
     return lambda x, y: 1 - share + share * np.exp(a * x + b * y - (a * a + b * b) / 2)
 
 
-def add_fringes(depth: float, a: float, b: float, phase: float = 0.0) -> Any:
+def add_fringes(depth: float, waves: Floats, phase: float = 0.0) -> Any:
     """Fringes of a depth, with wave numbers in radians a standard deviation."""
-    return lambda x, y: 1 + depth * np.cos(a * x + b * y + phase)
+    return lambda x, y: 1 + depth * np.cos(waves[0] * x + waves[1] * y + phase)
 
 
 def dim(loss: float, course: Course) -> Parts:
@@ -218,7 +219,8 @@ def smooth(rows: int) -> Callable[[Floats], Floats]:
 
     def change(values: Floats) -> Floats:
         wide = np.pad(values, ((rows // 2,) * 2, (0, 0)), mode="reflect", reflect_type="odd")
-        return np.lib.stride_tricks.sliding_window_view(wide, rows, axis=0).mean(axis=-1)
+        windows = np.lib.stride_tricks.sliding_window_view(wide, rows, axis=0)
+        return np.asarray(windows.mean(axis=-1))
 
     return change
 
@@ -334,7 +336,7 @@ def delay_detector(k: int, late: float) -> Parts:
         there = states.copy()
         there[:, :6] += scene.shift(np.full(scene.rows, late))
         change = spots(sensor, bench, there) - spots(sensor, bench, states)
-        return raw + change * (np.arange(9) // 3 == k)
+        return np.asarray(raw + change * (np.arange(9) // 3 == k))
 
     return {"readings": hook}
 

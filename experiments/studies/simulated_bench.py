@@ -21,7 +21,7 @@ from facets.calibration.table import REFERENCE as REFERENCE_COLUMNS
 from facets.calibration.table import gather_samples
 from facets.core.calibrate import Calibrate
 from facets.core.names import READING_COLUMNS, STATE_UNITS
-from facets.core.units import Floats
+from facets.core.units import Booleans, Floats
 from facets.detectors.correction import invert_correction
 from facets.detectors.noise import add_noise
 
@@ -98,12 +98,11 @@ def states_at(values: Floats, pose: Floats, beam: Floats | None = None) -> Float
     return states_of(Data(empty, pose, REFERENCE, places), empty, values)
 
 
-def are_on_detectors(rig: Rig, pose: Floats) -> np.ndarray[Any, np.dtype[np.bool_]]:
+def are_on_detectors(rig: Rig, pose: Floats) -> Booleans:
     """Whether all spots of poses (n, 6) keep away from the edges of their detectors."""
     place = facets.readings(rig.sensor, states_at(rig.values, pose)).reshape(-1, 3, 3)[:, :, :2]
     half = np.array([[psd.size_y, psd.size_z] for psd in rig.sensor.psds]) / 2
-    on: np.ndarray[Any, np.dtype[np.bool_]] = (np.abs(place) < half - CLEARANCE_MM).all(axis=(1, 2))
-    return on
+    return np.asarray((np.abs(place) < half - CLEARANCE_MM).all(axis=(1, 2)))
 
 
 def draw_poses(rig: Rig, count: int, rng: Rng, box: Floats = BOX) -> Floats:
@@ -124,7 +123,9 @@ def draw_track(rig: Rig, rows: int, rng: Rng) -> Callable[[Floats], Floats]:
         waves = np.sin(2 * np.pi * time[:, None, None] / periods + phases)
         return np.asarray((sizes * waves).sum(axis=1))
 
-    while not are_on_detectors(rig, track(MOTION_PERIOD_S * np.arange(rows))).all():
+    while not are_on_detectors(
+        rig, track(MOTION_PERIOD_S * np.arange(rows, dtype=np.float64))
+    ).all():
         sizes = sizes * [1, 1, 0.95, 0.95, 0.95, 0.95]  # z and the angles move the spots
     return track
 
@@ -182,7 +183,7 @@ def readings_of(table: Columns) -> Floats:
 
 
 def poses_of(table: Columns) -> Floats:
-    return np.stack([table[name] for name in REFERENCE_COLUMNS], axis=1) * UNITS
+    return np.asarray(np.stack([table[name] for name in REFERENCE_COLUMNS], axis=1) * UNITS)
 
 
 def samples_of(table: Columns, settings: Calibrate) -> Data:

@@ -88,7 +88,7 @@ class Draw:
         return float(self.rng.uniform(low, high))
 
     def pick(self, values: Sequence[Any]) -> Any:
-        return values[self.rng.integers(len(values))]
+        return values[int(self.rng.integers(len(values)))]
 
     def detector(self) -> int:
         return int(self.rng.integers(3))
@@ -111,7 +111,7 @@ class Draw:
 
     def electrode(self) -> Floats:
         """One of the electrodes (3, 2, 2)."""
-        return np.eye(12)[self.rng.integers(12)].reshape(3, 2, 2)
+        return np.asarray(np.eye(12)[self.rng.integers(12)].reshape(3, 2, 2))
 
     def at_detector(self, low: float, high: float) -> Floats:
         """A direction (9,) of readings that displaces the spot on a detector, mm."""
@@ -122,10 +122,10 @@ class Draw:
 
     def of_pose(self, low: float, high: float) -> Floats:
         """A direction (6,) of poses, of a size in mm, or in 10 mrad."""
-        return self.size(low, high) * self.unit(6) * TILTS
+        return np.asarray(self.size(low, high) * self.unit(6) * TILTS)
 
     def of_axis(self, low: float, high: float) -> Floats:
-        number = self.rng.integers(6)
+        number = int(self.rng.integers(6))
         return axis(number, self.size(low, high) * TILTS[number])
 
     def of_places(self, low: float, high: float) -> Floats:
@@ -190,7 +190,7 @@ def microphonics(draw: Draw) -> Parts:
 
     def shaken(scene: Scene, rng: Rng) -> Floats:
         move = np.linalg.norm((scene.pose - previous(scene.pose)) / BOX_REACH, axis=1)
-        return white(scene, rng) * (move > np.quantile(move, limit))
+        return np.asarray(white(scene, rng) * (move > np.quantile(move, limit)))
 
     return add("readings", draw.size(1e-3, 0.1) * np.eye(9)[draw.pick(PLACES)], shaken)
 
@@ -253,7 +253,7 @@ def clock_set(draw: Draw) -> Parts:
 KINDS = (
     Kind("light", "an aperture cuts the beam", cut_beam),
     Kind("light", "fringes across the beam", lambda d: change_profile(add_fringes(
-        d.size(1e-3, 0.03), *(2 * np.pi / d.between(0.5, 2.5) * d.unit(2)), d.between(0, 6)))),
+        d.size(1e-3, 0.03), 2 * np.pi / d.between(0.5, 2.5) * d.unit(2), d.between(0, 6)))),
     Kind("light", "light in the first ring mode", lambda d: change_profile(
         add_mode(d.size(1e-3, 0.05)))),
     Kind("light", "a window's ghost beside the beam", lambda d: change_profile(add_ghost(

@@ -21,6 +21,7 @@ from facets.detectors import align
 from facets.live import (
     MAX_BLOCK_S,
     SIZE,
+    Ending,
     Pipeline,
     Pty,
     Recording,
@@ -126,7 +127,7 @@ def test_a_soak_counts_every_loss_accepts_nothing_wrong_and_is_replayed(tmp_path
     """Also by a port that is looked at every 20 ms, and a slow clock that wraps after a second."""
     faults = "flip=1e-3,lose=1e-3,double=1e-3,drop=1e-3,block=0.5"
     faults += ",jitter_ms=20,drift_ppm=50,uptime_s=4294"
-    outcome = soak.soak(tmp_path, np.inf, 2000.0, faults, samples=6_000)
+    outcome = soak.soak(tmp_path, Ending(samples=6_000), 2000.0, faults)
     assert outcome["samples"] >= 6_000
     assert outcome["wrong"] == 0
     assert outcome["lost"] == outcome["bench_lost"]
