@@ -51,7 +51,7 @@ from .rigs import BOX, REACH_MM, Rng, draw_bench_rig, rms
 from .simulated_bench import (
     Columns,
     Fault,
-    Scene,
+    MotionScene,
     draw_scene,
     draw_use,
     measure,
@@ -67,7 +67,7 @@ LASTING = ("light", "facets", "detectors", "electronics")
 NOTHING = np.full(6, np.nan)
 
 
-class Trial(NamedTuple):
+class RigTrial(NamedTuple):
     """The calibration of a rig, and what poses of another motion are worth with it.
 
     taken: effects of light that the calibration took.  seconds: of processor time.  over: r.m.s.
@@ -93,7 +93,9 @@ def solve(sensor: Sensor, raw: Floats) -> facets.Solution:
     return facets.solve(sensor, correct(sensor, raw), beam="known", power="unknown", threads=1)
 
 
-def assess_poses(trial: Trial, sensor: Sensor, use: Scene, table: Columns, rng: Rng) -> Trial:
+def assess_poses(
+    trial: RigTrial, sensor: Sensor, use: MotionScene, table: Columns, rng: Rng
+) -> RigTrial:
     """Solve another motion with a calibrated sensor; rng: for the readings of a perfect rig."""
     state = states_at(fold_mount(use.real.rig.values), use.pose)
     ideal = add_noise(sensor, facets.readings(sensor, state), rng)
@@ -108,7 +110,7 @@ def assess_poses(trial: Trial, sensor: Sensor, use: Scene, table: Columns, rng: 
     )
 
 
-def draw_calibration(seed: int, faults: list[Fault], sensor: Sensor, reach: float) -> Scene:
+def draw_calibration(seed: int, faults: list[Fault], sensor: Sensor, reach: float) -> MotionScene:
     """A rig and the motion to calibrate it with; one in three with faults moves in time."""
     rng = np.random.default_rng(seed)
     real = draw_bench_rig(sensor, rng)
@@ -116,7 +118,7 @@ def draw_calibration(seed: int, faults: list[Fault], sensor: Sensor, reach: floa
     return draw_scene(real, rng, in_time=in_time, box=np.array([reach, reach, *BOX[2:]]))
 
 
-def try_rig(scene: Scene, faults: list[Fault], config: Config, seed: int) -> Trial:
+def try_rig(scene: MotionScene, faults: list[Fault], config: Config, seed: int) -> RigTrial:
     """Calibrate a rig as the command does, and solve another motion with it."""
     start, settings = time.process_time(), config.calibrate
     table = measure(scene, faults, seed)
@@ -125,10 +127,10 @@ def try_rig(scene: Scene, faults: list[Fault], config: Config, seed: int) -> Tri
         result = verdict(config.sensor, data, choice(config.sensor, settings), settings)
     except FacetsError as refusal:
         refused = [Finding(True, str(refusal), ("table",))]
-        return Trial(False, refused, time.process_time() - start)
+        return RigTrial(False, refused, time.process_time() - start)
     taken = tuple(row.key for row in result.search.rows if row.accepted) if result.search else ()
     seconds = time.process_time() - start
-    trial = Trial(bool(result.is_trusted), result.findings, seconds, taken)
+    trial = RigTrial(bool(result.is_trusted), result.findings, seconds, taken)
     if result.sensor is None:
         return trial
     rng = np.random.default_rng([seed, 92])
@@ -137,7 +139,7 @@ def try_rig(scene: Scene, faults: list[Fault], config: Config, seed: int) -> Tri
     return assess_poses(trial, result.sensor, use, used, rng)
 
 
-def is_harmless(scene: Scene, fault: Fault, seed: int) -> bool:
+def is_harmless(scene: MotionScene, fault: Fault, seed: int) -> bool:
     """Whether a fault alone changes poses by less than their noise, r.m.s. in every axis."""
     rig, exact = scene.real.rig, replace(scene, has_noise=False)
     before, after = (measure(exact, faults, seed) for faults in ([], [fault]))
@@ -180,7 +182,7 @@ def groups_of(key: str) -> set[str]:
     return {GROUP_OF.get(key, "table"), *chain(*more)}
 
 
-def named_groups(trial: Trial) -> list[set[str]]:
+def named_groups(trial: RigTrial) -> list[set[str]]:
     """The groups that each finding names which names any."""
     return [
         {group for key in part.causes for group in groups_of(key)}
@@ -204,7 +206,7 @@ def is_false(groups: set[str], faults: list[Fault]) -> bool:
     return groups.isdisjoint({fault.group for fault in faults} | {NO_CAUSE})
 
 
-def is_said(fault: Fault, trial: Trial) -> bool:
+def is_said(fault: Fault, trial: RigTrial) -> bool:
     return any(word in finding.words for word in fault.named_by for finding in trial.findings)
 
 
@@ -218,7 +220,7 @@ def list_rigs(name: str, draw: int) -> list[list[Fault]]:
     return [[case] for case in disturbed_rigs.CASES] if name == "disturbed" else [[]]
 
 
-def print_trial(trial: Trial) -> None:
+def print_trial(trial: RigTrial) -> None:
     word = "TRUSTED AND WRONG" if trial.is_wrong else "trusted" if trial.is_trusted else "refused"
     over, held, beyond = (
         " ".join(f"{x:5.2f}" for x in row) for row in (trial.over, trial.held, trial.beyond)
@@ -229,14 +231,14 @@ def print_trial(trial: Trial) -> None:
         print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
 
 
-class Tally:
+class OutcomeCounts:
     """Counts of trials, by whether the rig deserves trust, and of faults, by how they are told."""
 
     def __init__(self) -> None:
         self.rigs, self.faults = Counter[str](), Counter[str]()
         self.over, self.held = list[Floats](), list[Floats]()
 
-    def add(self, trial: Trial, faults: list[Fault], harmful: list[Fault]) -> None:
+    def add(self, trial: RigTrial, faults: list[Fault], harmful: list[Fault]) -> None:
         kind = "with harmful faults" if harmful else "clean or harmless"
         self.rigs.update([kind] + [f"{kind}, trusted"] * trial.is_trusted
                          + ["trusted and wrong"] * trial.is_wrong)  # fmt: skip
@@ -262,7 +264,7 @@ class Tally:
 def main() -> None:
     options = parse_options(__doc__, faults="nothing", only="", first=0, draws=1, config="paper",
                             reach=REACH_MM, show=False)  # fmt: skip
-    config, tally = facets.load(options.config), Tally()
+    config, tally = facets.load(options.config), OutcomeCounts()
     for draw in range(options.first, options.first + options.draws):
         for number, faults in enumerate(list_rigs(options.faults, draw)):
             label = " + ".join(f"{fault.group}: {fault.words}" for fault in faults)

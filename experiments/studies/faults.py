@@ -18,7 +18,7 @@ from facets.detectors.noise import standard_deviations
 
 from .bench_rays import RayFacet, facet_light, facet_of, sample_facet, spots
 from .rigs import Rng
-from .simulated_bench import Columns, Parts, Scene
+from .simulated_bench import Columns, MotionScene, Parts
 
 #: Half size of a detector, mm, and the power on it at rest, mW.
 HALF_MM, POWER_MW = 6.5, 0.1
@@ -26,8 +26,8 @@ HALF_MM, POWER_MW = 6.5, 0.1
 PLACES, ANGLES = [0, 1, 3, 4, 6, 7], [3, 4, 5]
 
 #: Values (n,) of a fault over the rows.
-Course = Callable[[Scene, Rng], Floats]
-Rows = Callable[[Scene, Rng], Any]
+Course = Callable[[MotionScene, Rng], Floats]
+Rows = Callable[[MotionScene, Rng], Any]
 
 
 # ---- courses
@@ -37,36 +37,36 @@ def step(at: float) -> Course:
     return lambda scene, rng: (scene.share > at).astype(float)
 
 
-def ramp(scene: Scene, rng: Rng) -> Floats:
+def ramp(scene: MotionScene, rng: Rng) -> Floats:
     return scene.share - 0.5
 
 
-def warmth(scene: Scene, rng: Rng) -> Floats:
+def warmth(scene: MotionScene, rng: Rng) -> Floats:
     return scene.air
 
 
 def late_warmth(tau: float) -> Course:
     """The temperature of a body that follows the air with a time constant, s."""
 
-    def course(scene: Scene, rng: Rng) -> Floats:
+    def course(scene: MotionScene, rng: Rng) -> Floats:
         follow = 1 - np.exp(-(scene.time[1] - scene.time[0]) / tau)
-        late = scene.air[0] + filtered(scene.air - scene.air[0], follow, 1 - follow)
+        late = scene.air[0] + low_pass(scene.air - scene.air[0], follow, 1 - follow)
         return np.asarray(late - late.mean())
 
     return course
 
 
-def white(scene: Scene, rng: Rng) -> Floats:
+def white(scene: MotionScene, rng: Rng) -> Floats:
     return rng.standard_normal(scene.rows)
 
 
 def wander(length: float) -> Course:
     """Random motion of r.m.s. 1 with a memory of some rows."""
     keep = np.exp(-1 / length)
-    return lambda scene, rng: filtered(white(scene, rng), np.sqrt(1 - keep**2), keep)
+    return lambda scene, rng: low_pass(white(scene, rng), np.sqrt(1 - keep**2), keep)
 
 
-def walk(scene: Scene, rng: Rng) -> Floats:
+def walk(scene: MotionScene, rng: Rng) -> Floats:
     """Random walk of r.m.s. 1 about its mean."""
     way = np.cumsum(white(scene, rng))
     return np.asarray((way - way.mean()) / way.std())
@@ -87,7 +87,7 @@ def glitches(share: float) -> Course:
     return lambda scene, rng: white(scene, rng) * (rng.random(scene.rows) < share)
 
 
-def filtered(values: Floats, gain: float, keep: float) -> Floats:
+def low_pass(values: Floats, gain: float, keep: float) -> Floats:
     return np.asarray(lfilter([gain], [1, -keep], values))
 
 
@@ -98,14 +98,14 @@ def previous(values: Floats) -> Floats:
 # ---- directions
 
 
-def at_detector(k: int, direction: Floats | list[float]) -> Floats:
+def detector_vector(k: int, direction: Floats | list[float]) -> Floats:
     """A direction (9,) of readings that is one of a detector's place (2,), or reading (3,)."""
     out = np.zeros(9)
     out[3 * k : 3 * k + len(direction)] = direction
     return out
 
 
-def at_places(directions: Floats) -> Floats:
+def place_vector(directions: Floats) -> Floats:
     """A direction (9,) of readings that is one of all places (6,)."""
     out = np.zeros(9)
     out[PLACES] = directions
@@ -128,7 +128,7 @@ def add(stage: str, direction: Floats | list[float], course: Course) -> Parts:
 def add_each(stage: str, directions: Floats | list[float], course: Course) -> Parts:
     """Add to each component of a direction (m,) a course of its own, such as noise."""
 
-    def hook(values: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(values: Floats, scene: MotionScene, rng: Rng) -> Floats:
         each = np.column_stack([size * course(scene, rng) for size in directions])
         return np.asarray(values + each)
 
@@ -194,7 +194,7 @@ def edit(
 ) -> Parts:
     """Change columns (n, m) of readings or poses, in some rows."""
 
-    def hook(values: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(values: Floats, scene: MotionScene, rng: Rng) -> Floats:
         out, some = values.copy(), rows(scene, rng) if rows else np.ones(scene.rows, bool)
         out[np.ix_(some, columns)] = change(values[:, columns])[some]
         return out
@@ -210,7 +210,7 @@ def random_rows(share: float) -> Rows:
     return lambda scene, rng: rng.random(scene.rows) < share
 
 
-def in_steps(grid: float | Floats) -> Callable[[Floats], Floats]:
+def round_to(grid: float | Floats) -> Callable[[Floats], Floats]:
     return lambda values: grid * np.round(values / grid)
 
 
@@ -231,7 +231,7 @@ def reorder_angles(angles: Floats) -> Floats:
 
 
 def take_rows(order: Rows) -> Parts:
-    def hook(columns: Columns, scene: Scene, rng: Rng) -> Columns:
+    def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         rows = order(scene, rng)
         return {name: column[rows] for name, column in columns.items()}
 
@@ -268,7 +268,7 @@ def shine(power: Floats | list[float], place: Floats, course: Course) -> Parts:
 def scatter_light(k: int, share: float, place: Floats) -> Parts:
     """A share of the light of the next facet falls on a place of a detector."""
 
-    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         power = share * raw[:, 3 * ((k + 1) % 3) + 2]
         return add_light(raw, np.outer(power, np.eye(3)[k]), np.broadcast_to(place, (1, 3, 2)))
 
@@ -278,7 +278,7 @@ def scatter_light(k: int, share: float, place: Floats) -> Parts:
 def lose_light(k: int, patch: Callable[[RayFacet], tuple[Floats, Floats]]) -> Parts:
     """Take the light away that a patch of a facet reflects, its points (m, 3) and areas (m,)."""
 
-    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         assert scene.states is not None
         facet = facet_of(scene.real.rig.sensor, scene.real.bench, scene.states, k)
         light = facet_light(facet, *patch(facet))
@@ -317,7 +317,7 @@ def tarnish(k: int, loss: float) -> Parts:
 def turn_polarisation(turn: float) -> Parts:
     """The light's polarisation turns from the first row to the last."""
 
-    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         sensor, bench, states = scene.real.rig.sensor, scene.real.bench, scene.states
         assert states is not None
         other = bench._replace(polarisation=(bench.polarisation or 0.0) + turn)
@@ -330,7 +330,7 @@ def turn_polarisation(turn: float) -> Parts:
 def delay_detector(k: int, late: float) -> Parts:
     """A detector that is read later than the others, by `late` s."""
 
-    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         sensor, bench, states = scene.real.rig.sensor, scene.real.bench, scene.states
         assert states is not None
         there = states.copy()
@@ -370,7 +370,7 @@ def bend_currents(change: Callable[[Floats, Any], Floats], size: Floats | float)
 def add_currents(size: float, every: int) -> Parts:
     """An automatic zero that sets new offsets after some rows, by random numbers of a size, mW."""
 
-    def hook(raw: Floats, scene: Scene, rng: Rng) -> Floats:
+    def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         offsets = size * rng.standard_normal((scene.rows // every + 1, 3, 2, 2))
         dark = np.repeat(offsets, every, axis=0)[: scene.rows]
         return change_currents(raw, lambda current: current + dark)
@@ -415,7 +415,7 @@ def jumps(share: float, size: float, kind: str) -> Callable[[Floats, Floats, Rng
         elif kind == "single":
             signs = signs * np.eye(9)[rng.integers(0, 9, count)]
         elif kind == "detector":
-            signs = signs * at_detector(1, [1, 1, 1])
+            signs = signs * detector_vector(1, [1, 1, 1])
         out = raw.copy()
         out[rows] += size * signs * sigma[rows]
         return out

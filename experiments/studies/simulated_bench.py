@@ -38,7 +38,7 @@ MOTION_PERIOD_S, RANDOM_PERIOD_S = 1.0, 4.0
 UNITS = np.array(STATE_UNITS[:6])
 
 Columns = dict[str, Floats]
-Hook = Callable[[Any, "Scene", Rng], Any]
+Hook = Callable[[Any, "MotionScene", Rng], Any]
 #: What a fault changes at each stage that it acts at: a function of the values at this stage.
 Parts = dict[str, Hook]
 
@@ -55,7 +55,7 @@ class Fault(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Scene:
+class MotionScene:
     """A motion of a rig.
 
     pose: (n, 6) of the reference, without faults.  air: its temperature (n,) less the mean, K.
@@ -132,23 +132,23 @@ def draw_track(rig: Rig, rows: int, rng: Rng) -> Callable[[Floats], Floats]:
 
 def draw_scene(
     real: BenchRig, rng: Rng, rows: int = 500, in_time: bool = False, box: Floats = BOX_REACH
-) -> Scene:
+) -> MotionScene:
     """The motion of a calibration: in random poses, or in time."""
     track = draw_track(real.rig, rows, rng) if in_time else None
     pose = np.zeros((rows, 6)) if track else draw_poses(real.rig, rows, rng, box)
-    scene = Scene(real, pose, np.zeros(rows), track)
+    scene = MotionScene(real, pose, np.zeros(rows), track)
     # a room that warms or cools while its air conditioning switches
     cycle = rng.uniform(0.1, 0.4) * np.sin(2 * np.pi * scene.time / rng.uniform(150, 400))
     air = rng.uniform(0.4, 1.2) * rng.choice([-1, 1]) * np.linspace(-0.5, 0.5, rows) + cycle
     return replace(scene, pose=track(scene.time) if track else pose, air=air - air.mean())
 
 
-def draw_use(real: BenchRig, rng: Rng, rows: int = 800) -> Scene:
+def draw_use(real: BenchRig, rng: Rng, rows: int = 800) -> MotionScene:
     """A motion in random poses after the calibration, at its mean temperature."""
-    return Scene(real, draw_poses(real.rig, rows, rng), np.zeros(rows), in_use=True)
+    return MotionScene(real, draw_poses(real.rig, rows, rng), np.zeros(rows), in_use=True)
 
 
-def measure(scene: Scene, faults: Sequence[Fault], seed: int) -> Columns:
+def measure(scene: MotionScene, faults: Sequence[Fault], seed: int) -> Columns:
     """The table of a motion, the laser's power drifting by 1 %; `row` is the number of the row as
     it was measured, and `time_s` is there of a motion in time."""
     rig, rng = scene.real.rig, np.random.default_rng([seed, 90, scene.in_use])

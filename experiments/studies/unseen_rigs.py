@@ -25,8 +25,6 @@ from .faults import (
     add_mode,
     add_noise,
     add_thermometer,
-    at_detector,
-    at_places,
     axis,
     backlash,
     bend_currents,
@@ -36,6 +34,7 @@ from .faults import (
     change_profile,
     delay,
     delay_detector,
+    detector_vector,
     dim,
     dust,
     edit,
@@ -43,15 +42,16 @@ from .faults import (
     glitches,
     hops,
     hum,
-    in_steps,
     lag,
     late_warmth,
+    place_vector,
     pose_error,
     previous,
     ramp,
     random_rows,
     remember,
     reorder_angles,
+    round_to,
     scatter_light,
     shine,
     smooth,
@@ -65,7 +65,7 @@ from .faults import (
     white,
 )
 from .rigs import REFERENCE, Rng
-from .simulated_bench import BOX_REACH, Fault, Parts, Scene
+from .simulated_bench import BOX_REACH, Fault, MotionScene, Parts
 
 #: Number of rigs with one fault; all other kinds come in pairs.
 SINGLE = 22
@@ -73,7 +73,7 @@ SINGLE = 22
 TILTS = np.array([1, 1, 1, 1e-2, 1e-2, 1e-2])
 
 
-class Draw:
+class FaultDraw:
     """Random numbers of a fault.  sizes: those of `size` that were drawn."""
 
     def __init__(self, rng: Rng) -> None:
@@ -113,24 +113,24 @@ class Draw:
         """One of the electrodes (3, 2, 2)."""
         return np.asarray(np.eye(12)[self.rng.integers(12)].reshape(3, 2, 2))
 
-    def at_detector(self, low: float, high: float) -> Floats:
+    def detector_shift(self, low: float, high: float) -> Floats:
         """A direction (9,) of readings that displaces the spot on a detector, mm."""
-        return at_detector(self.detector(), self.size(low, high) * self.unit(2))
+        return detector_vector(self.detector(), self.size(low, high) * self.unit(2))
 
-    def of_beam(self, low: float, high: float) -> Floats:
+    def beam_shift(self, low: float, high: float) -> Floats:
         return self.size(low, high) * self.unit(2)
 
-    def of_pose(self, low: float, high: float) -> Floats:
+    def pose_shift(self, low: float, high: float) -> Floats:
         """A direction (6,) of poses, of a size in mm, or in 10 mrad."""
         return np.asarray(self.size(low, high) * self.unit(6) * TILTS)
 
-    def of_axis(self, low: float, high: float) -> Floats:
+    def axis_shift(self, low: float, high: float) -> Floats:
         number = int(self.rng.integers(6))
         return axis(number, self.size(low, high) * TILTS[number])
 
-    def of_places(self, low: float, high: float) -> Floats:
+    def place_shifts(self, low: float, high: float) -> Floats:
         """A direction (9,) of readings that displaces all spots."""
-        return at_places(self.size(low, high) * self.signs(6))
+        return place_vector(self.size(low, high) * self.signs(6))
 
 
 class Kind(NamedTuple):
@@ -139,11 +139,11 @@ class Kind(NamedTuple):
 
     group: str
     words: str
-    parts: Callable[[Draw], Parts]
+    parts: Callable[[FaultDraw], Parts]
     in_time: bool = False
 
     def draw(self, rng: Rng) -> Fault:
-        draw = Draw(rng)
+        draw = FaultDraw(rng)
         parts = self.parts(draw)
         sizes = ", ".join(f"{size:.3g}" for size in draw.sizes)
         return Fault(self.group, f"{self.words}: {sizes}", parts, self.in_time)
@@ -152,24 +152,24 @@ class Kind(NamedTuple):
 # ---- kinds that one expression does not describe
 
 
-def cut_beam(draw: Draw) -> Parts:
+def cut_beam(draw: FaultDraw) -> Parts:
     edge, (a, b) = draw.between(2.4, 4.0), 0.3 * draw.signs(2)
     return change_profile(lambda x, y: 1 / (1 + np.exp((np.hypot(x - a, y - b) - edge) / 0.06)))
 
 
-def yielding_facet(draw: Draw) -> Parts:
+def yielding_facet(draw: FaultDraw) -> Parts:
     """The facet turns with the mirror's angle; the detector is 250 mm away."""
-    moved, number = 2 * 250 * draw.at_detector(2e-5, 5e-3), draw.pick(ANGLES)
+    moved, number = 2 * 250 * draw.detector_shift(2e-5, 5e-3), draw.pick(ANGLES)
     return add("readings", moved, lambda scene, rng: scene.pose[:, number])
 
 
-def window_fringes(draw: Draw) -> Parts:
+def window_fringes(draw: FaultDraw) -> Parts:
     moved = draw.size(5e-4, 0.03) * draw.unit(2)
     wave = 2 * np.pi / draw.between(0.4, 3) * draw.unit(2)
     return bend_places(draw.detector(), lambda place: np.outer(np.sin(place @ wave), moved))
 
 
-def high_order(draw: Draw) -> Parts:
+def high_order(draw: FaultDraw) -> Parts:
     far, (a, b) = draw.size(1e-3, 0.15), draw.signs(2)
 
     def error(place: Floats) -> Floats:
@@ -179,57 +179,57 @@ def high_order(draw: Draw) -> Parts:
     return bend_places(draw.detector(), error)
 
 
-def power_bends_place(draw: Draw) -> Parts:
+def power_bends_place(draw: FaultDraw) -> Parts:
     share, k = draw.size(1e-5, 5e-3), draw.detector()
     return edit("readings", [3 * k, 3 * k + 1, 3 * k + 2], lambda reading: reading * (
         1 + share * (reading[:, 2:] / POWER_MW - 1) * [1, 1, 0]))  # fmt: skip
 
 
-def microphonics(draw: Draw) -> Parts:
+def microphonics(draw: FaultDraw) -> Parts:
     limit = draw.between(0.5, 0.9)
 
-    def shaken(scene: Scene, rng: Rng) -> Floats:
+    def shaken(scene: MotionScene, rng: Rng) -> Floats:
         move = np.linalg.norm((scene.pose - previous(scene.pose)) / BOX_REACH, axis=1)
         return np.asarray(white(scene, rng) * (move > np.quantile(move, limit)))
 
     return add("readings", draw.size(1e-3, 0.1) * np.eye(9)[draw.pick(PLACES)], shaken)
 
 
-def abbe(draw: Draw) -> Parts:
+def abbe(draw: FaultDraw) -> Parts:
     """Each axis is measured along its own line, off the pivot."""
     arms, matrix = draw.size(3e-3, 5) * draw.signs(3, 3), np.zeros((6, 6))
     matrix[:3, 3:] = [np.cross(np.eye(3), arm)[:, i] for i, arm in enumerate(arms)]
     return error_matrix(matrix)
 
 
-def cyclic_error(draw: Draw) -> Parts:
+def cyclic_error(draw: FaultDraw) -> Parts:
     i, far, period = draw.detector(), draw.size(3e-6, 1e-3), draw.pick([633e-6 / 2, 0.02, 0.5])
     return pose_error(i, lambda pose: far * np.sin(2 * np.pi * pose[:, i] / period))
 
 
-def bow(draw: Draw) -> Parts:
+def bow(draw: FaultDraw) -> Parts:
     (i, j), far = draw.rng.permutation(3)[:2], draw.size(3e-5, 0.01)
     return pose_error(i, lambda pose: far * (pose[:, j] / BOX_REACH[j]) ** 2)
 
 
-def slow_thermometer(draw: Draw) -> Parts:
-    late, moved = late_warmth(draw.size(1, 200)), draw.of_places(3e-4, 0.015)
+def slow_thermometer(draw: FaultDraw) -> Parts:
+    late, moved = late_warmth(draw.size(1, 200)), draw.place_shifts(3e-4, 0.015)
     of_posts, shown = draw.pick([(warmth, late), (late, warmth)])
     return add("readings", moved, of_posts) | add_thermometer(shown)
 
 
-def lamp(draw: Draw) -> Parts:
+def lamp(draw: FaultDraw) -> Parts:
     courses = [draw.later(), hops(draw.between(1, 30)), lambda scene, rng: scene.share**2]
     power = draw.size(1e-6, 3e-3) * draw.rng.uniform(0.1, 1, 3)
     return shine(power, 3 * draw.signs(3, 2), draw.pick(courses))
 
 
-def swapped_columns(draw: Draw) -> Parts:
+def swapped_columns(draw: FaultDraw) -> Parts:
     stage, first = draw.pick([("readings", 0), ("readings", 3), ("reference", 0), ("reference", 3)])
     return edit(stage, [first, first + 1], lambda values: values[:, ::-1], draw.part())
 
 
-def scaled_column(draw: Draw) -> Parts:
+def scaled_column(draw: FaultDraw) -> Parts:
     """Arc minutes for mrad, thousandths, or a wrong sign."""
     stage, column, factor = draw.pick([
         ("reference", draw.pick(ANGLES), 3.43775), ("readings", 2, 1e3), ("reference", 2, 1e3),
@@ -238,14 +238,14 @@ def scaled_column(draw: Draw) -> Parts:
     return edit(stage, [column], lambda values: factor * values, draw.part())
 
 
-def twice_in_table(draw: Draw) -> Parts:
+def twice_in_table(draw: FaultDraw) -> Parts:
     part = draw.part()
     return take_rows(
         lambda scene, rng: np.concatenate([np.arange(scene.rows), *np.where(part(scene, rng))])
     )
 
 
-def clock_set(draw: Draw) -> Parts:
+def clock_set(draw: FaultDraw) -> Parts:
     jump, later = draw.pick([3.0, 60.0, 3600.0]), draw.later()
     return add_column("time_s", lambda scene, rng: scene.time + jump * later(scene, rng))
 
@@ -259,9 +259,9 @@ KINDS = (
     Kind("light", "a window's ghost beside the beam", lambda d: change_profile(add_ghost(
         d.size(3e-5, 0.01), *(d.between(0.5, 2.5) * d.unit(2))))),
     Kind("light", "the laser hops between two modes, mm", lambda d: add(
-        "beam", d.of_beam(2e-5, 3e-3), hops(d.size(5, 100)))),
+        "beam", d.beam_shift(2e-5, 3e-3), hops(d.size(5, 100)))),
     Kind("light", "the beam jumped, mm", lambda d: add(
-        "beam", d.of_beam(2e-5, 3e-3), d.later())),
+        "beam", d.beam_shift(2e-5, 3e-3), d.later())),
     Kind("light", "the fibre turns the polarisation, rad", lambda d: turn_polarisation(
         d.size(0.01, 0.7))),
     Kind("facets", "dust, mm", lambda d: dust(
@@ -277,15 +277,15 @@ KINDS = (
     Kind("facets", "a facet scatters light onto another detector", lambda d: scatter_light(
         d.detector(), d.size(1e-5, 0.01), 3 * d.signs(2))),
     Kind("detectors", "a detector's glue creeps as the logarithm of time, mm", lambda d: add(
-        "readings", d.at_detector(1e-4, 0.04) / np.log(51),
+        "readings", d.detector_shift(1e-4, 0.04) / np.log(51),
         lambda scene, rng: np.log(1 + 50 * scene.share))),
     Kind("detectors", "a detector was knocked aside, mm", lambda d: add(
-        "readings", d.at_detector(5e-4, 0.1), d.later())),
+        "readings", d.detector_shift(5e-4, 0.1), d.later())),
     Kind("detectors", "fringes of a detector's window shift places, mm", window_fringes),
     Kind("detectors", "an error of fifth order at a detector's edge, mm", high_order),
     Kind("detectors", "the scale of a detector follows the power", power_bends_place),
     Kind("detectors", "a detector remembers its last reading", lambda d: remember(
-        d.size(1e-5, 0.01), at_detector(d.detector(), [1, 1, 1]))),
+        d.size(1e-5, 0.01), detector_vector(d.detector(), [1, 1, 1]))),
     Kind("electronics", "the amplifiers bend, each its own way, 1/mW", lambda d: bend_currents(
         lambda i, bend: i * (1 + bend * i), d.size(1e-3, 0.3) * d.signs(3, 2, 2))),
     Kind("electronics", "a converter has a step in its middle, mW", lambda d: bend_currents(
@@ -299,11 +299,11 @@ KINDS = (
     Kind("electronics", "an automatic zero sets new offsets every 80 rows, mW",
          lambda d: add_currents(d.size(1e-7, 2e-4), 80)),
     Kind("electronics", "a common supply adds noise to all places, of their own", lambda d: (
-        add_noise(d.of_places(0.2, 4.0), in_common=True))),
+        add_noise(d.place_shifts(0.2, 4.0), in_common=True))),
     Kind("electronics", "a detector has more than the stated noise, of its own", lambda d: (
-        add_noise(at_detector(d.detector(), [d.size(0.4, 6)] * 3)))),
+        add_noise(detector_vector(d.detector(), [d.size(0.4, 6)] * 3)))),
     Kind("electronics", "mains hum on all places, mm", lambda d: add(
-        "readings", d.of_places(2e-4, 0.02), hum(d.between(0.03, 0.5)))),
+        "readings", d.place_shifts(2e-4, 0.02), hum(d.between(0.03, 0.5)))),
     Kind("electronics", "a cable's microphonics after fast moves, mm", microphonics),
     Kind("reference", "the mirror stays behind by a share of each move", lambda d: lag(
         d.size(1e-5, 0.01))),
@@ -315,9 +315,9 @@ KINDS = (
     Kind("reference", "an axis bows over the travel of another, mm", bow),
     Kind("reference", "an axis has a cyclic error, mm", cyclic_error),
     Kind("reference", "a stage has backlash, mm or 1/100 rad", lambda d: backlash(
-        d.of_axis(2e-5, 0.01))),
+        d.axis_shift(2e-5, 0.01))),
     Kind("reference", "the reference glitches, mm or 1/100 rad, in a share of the rows", lambda d: (
-        add("reference", d.of_axis(1e-3, 0.2),
+        add("reference", d.axis_shift(1e-3, 0.2),
             glitches(d.size(4e-3, 0.08))))),
     Kind("reference", "more than the stated noise, of its own", lambda d: add_each(
         "reference", d.size(0.6, 20) * REFERENCE, white)),
@@ -336,27 +336,27 @@ KINDS = (
     Kind("environment", "posts follow the temperature, and one of both is late; s, mm/K",
          slow_thermometer, True),
     Kind("environment", "the beam follows the temperature, mm/K", lambda d: add(
-        "beam", d.of_beam(3e-5, 5e-3), warmth) | add_thermometer(), True),
+        "beam", d.beam_shift(3e-5, 5e-3), warmth) | add_thermometer(), True),
     Kind("environment", "posts follow a temperature that is not in the table, mm/K", lambda d: add(
-        "readings", d.of_places(3e-4, 0.015), warmth), True),
+        "readings", d.place_shifts(3e-4, 0.015), warmth), True),
     Kind("environment", "the holder moves the mirror, mm/K", lambda d: add(
-        "mirror", d.of_pose(1e-5, 5e-3), warmth), True),
+        "mirror", d.pose_shift(1e-5, 5e-3), warmth), True),
     Kind("environment", "the mirror vibrates, mm", lambda d: add(
-        "mirror", d.of_pose(1e-5, 5e-3), hum(d.between(0.03, 0.5)))),
+        "mirror", d.pose_shift(1e-5, 5e-3), hum(d.between(0.03, 0.5)))),
     Kind("environment", "the laser vibrates, mm", lambda d: add(
-        "beam", d.of_beam(1e-5, 2e-3), hum(d.between(0.03, 0.5)))),
+        "beam", d.beam_shift(1e-5, 2e-3), hum(d.between(0.03, 0.5)))),
     Kind("environment", "warm air moves spots, mm, with a memory of rows", lambda d: add_each(
-        "readings", d.of_places(2e-4, 0.02), wander(d.size(1, 60)))),
+        "readings", d.place_shifts(2e-4, 0.02), wander(d.size(1, 60)))),
     Kind("environment", "the laser's mount sags, mm", lambda d: add(
-        "beam", d.of_beam(3e-5, 5e-3), ramp)),
+        "beam", d.beam_shift(3e-5, 5e-3), ramp)),
     Kind("environment", "fog on the laser's window", lambda d: dim(
         d.size(0.05, 0.5), lambda scene, rng: scene.share)),
     Kind("table", "two columns are exchanged in a part of the rows", swapped_columns),
     Kind("table", "a column has another unit or sign in a part of the rows", scaled_column),
     Kind("table", "the reference is written in steps", lambda d: edit(
-        "reference", range(6), in_steps(d.size(1e-4, 0.01) * np.array([1] * 3 + [1e-3] * 3)))),
+        "reference", range(6), round_to(d.size(1e-4, 0.01) * np.array([1] * 3 + [1e-3] * 3)))),
     Kind("table", "places are written in steps, mm", lambda d: edit(
-        "readings", PLACES, in_steps(d.size(1e-3, 0.02)))),
+        "readings", PLACES, round_to(d.size(1e-3, 0.02)))),
     Kind("table", "a part of the rows stands twice", twice_in_table),
     Kind("table", "the rows were sorted by tx", lambda d: take_rows(
         lambda scene, rng: np.argsort(scene.pose[:, 0]))),
@@ -365,7 +365,7 @@ KINDS = (
     Kind("table", "a share of the readings are those of the row before", lambda d: edit(
         "readings", range(9), previous, random_rows(d.size(5e-3, 0.1)))),
     Kind("table", "two sessions are pasted; the reference's zero moved, mm", lambda d: add(
-        "reference", d.of_pose(3e-5, 0.1), d.later())),
+        "reference", d.pose_shift(3e-5, 0.1), d.later())),
     Kind("table", "numbers have lost their decimal point", lambda d: edit(
         d.pick(["reference", "readings"]), [d.rng.integers(6)], lambda values: 10 * values,
         random_rows(d.size(2e-3, 0.015)))),
