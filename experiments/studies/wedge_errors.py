@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -57,16 +58,14 @@ def polar_moments(q: tuple[Any, Any], low: Any, high: Any) -> list[Any]:
     """The six polar moments about q over a range of angles, by rigorous integration."""
     from flint import acb, arb
 
-    def integrand(angle: Any) -> tuple[Any, ...]:
+    def integrand(n: int, angle: Any, _: bool) -> Any:
         sine, cosine = angle.sin_cos()
         i1, i2, i3 = radial(q[0] * cosine + q[1] * sine)
         x, y = i3 * cosine, i3 * sine
-        return i1, i2 * cosine, i2 * sine, x * cosine, x * sine, y * sine
+        return (i1, i2 * cosine, i2 * sine, x * cosine, x * sine, y * sine)[n]
 
-    return [
-        acb.integral(lambda t, _, n=n: integrand(t)[n], low, high, rel_tol=arb(TOLERANCE)).real
-        for n in range(6)
-    ]
+    parts = (partial(integrand, n) for n in range(6))
+    return [acb.integral(part, low, high, rel_tol=arb(TOLERANCE)).real for part in parts]
 
 
 def exact_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[Any]]:
