@@ -93,14 +93,6 @@ CompareBoard = Annotated[
         "differ.",
     ),
 ]
-DisplayRate = Annotated[
-    float | None,
-    typer.Option(
-        min=0.1,
-        max=50,
-        help="Updates of the display per second.  [default: 8, with --plain 1]",
-    ),
-]
 
 
 def acquire(
@@ -118,7 +110,6 @@ def acquire(
     max_loss: MaxLoss = 0.001,
     plain: AsLines = False,
     json: AsJson = False,
-    display_rate: DisplayRate = None,
     publish: Publish = None,
     web: Web = None,
     compare_board: CompareBoard = False,
@@ -162,7 +153,7 @@ def acquire(
         columns=estimation.PoseColumns(zero_of(zero), covariance),
     )
     run = live.Run.from_config(settings, port, options, tell)
-    run_to_end(run, display(run.live, plain, json, display_rate))
+    run_to_end(run, display(run.live, plain, json))
     check_results(run, write)
 
 

@@ -22,7 +22,7 @@ def tell(text: str) -> None:
 
 
 @contextmanager
-def display(state: live.Live, plain: bool, json: bool, rate: float | None) -> Iterator[Show]:
+def display(state: live.Live, plain: bool, json: bool) -> Iterator[Show]:
     """Show the run in the terminal, or by lines of text or JSON.
 
     Yields a function that must be called often and prints a line now and then.
@@ -30,9 +30,7 @@ def display(state: live.Live, plain: bool, json: bool, rate: float | None) -> It
     if not (json or plain) and sys.stdout.isatty():
         from rich.live import Live as TerminalView
 
-        screen = TerminalView(
-            get_renderable=lambda: live.Screen(state), refresh_per_second=rate or 8
-        )
+        screen = TerminalView(get_renderable=lambda: live.Screen(state), refresh_per_second=8)
         screen.start()
         try:
             yield lambda _: None
@@ -40,7 +38,7 @@ def display(state: live.Live, plain: bool, json: bool, rate: float | None) -> It
             with suppress(OSError):  # the terminal may be gone
                 screen.stop()
         return
-    interval_s, last, known = 1 / (rate or (8 if json else 1)), state.clock(), 0
+    interval_s, last, known = 0.125 if json else 1.0, state.clock(), 0
 
     def print_line(now: live.Live) -> None:
         """Print a line at each interval, and at once when a message appears or ends."""

@@ -15,7 +15,6 @@ from ...core.units import round_to
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
 from ...estimation.solution import LABELS, UNCERTAINTY_PARTS, Status
-from ...model.arrays import half_sizes
 from ...tracking.control import tracking_error
 from .live import Live
 from .loop import CLOCK_MOVED
@@ -25,15 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rich.console import Console, ConsoleOptions
-
-#: A PSD's face in characters: across and down, at most and at least; odd, for a middle.
-WIDE, HIGH = (33, 5), (13, 3)
-#: Columns from which on the counts of the stream stand beside the pose.
-BESIDE = 62
-#: Columns from which on the parts of the uncertainties are there, too.
-BESIDE_PARTS = 90
-#: Lines of the view beside the faces: the table of the pose, borders, the stream and messages.
-OTHERS = 16
 
 
 def values(live: Live) -> dict[str, Any]:
@@ -230,32 +220,19 @@ def clock_sentences(live: Live) -> Iterator[str]:
 
 
 class Screen:
-    """Pose, three PSD faces with their spots and powers, and how the stream does.
+    """Pose, the spots and powers of the detectors, and how the stream does, as rich renders them.
 
-    A rich renderable, which fits itself to the terminal: whatever its size, all three detectors are
-    there. Detectors and axes have the hues that they have in every picture.
+    Detectors and axes have the hues that they have in every picture.
     """
 
     def __init__(self, live: Live) -> None:
         self.live = live
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Any]:
-        from rich.table import Table
-
-        now, beside = values(self.live), options.max_width >= BESIDE
-        if beside:
-            top = Table.grid(padding=(0, 3))
-            has_parts = options.max_width >= BESIDE_PARTS
-            top.add_row(pose_table(now, has_parts), counts_table(now))
-            yield top
-        else:
-            yield pose_table(now)
-        high = odd_within((options.height or console.height) - OTHERS, HIGH)
-        wide = odd_within(min(options.max_width // 3 - 4, 3 * high + 6), WIDE)
-        grid = Table.grid()
-        grid.add_row(*[face(self.live, k, wide, high) for k in range(3)])
-        yield grid
-        yield from lower_lines(now, beside)
+        now = values(self.live)
+        yield pose_table(now)
+        yield detector_table(self.live)
+        yield from lower_lines(now)
 
 
 def terminal_hues() -> Hues:
@@ -264,32 +241,19 @@ def terminal_hues() -> Hues:
     return LIGHT if ground in ("7", "15") else DARK
 
 
-def odd_within(size: int, ends: tuple[int, int]) -> int:
-    """The largest odd number up to `size`, between two ends (most, least)."""
-    return max(ends[1], min(ends[0], size - 1 + size % 2))
-
-
-def pose_table(now: dict[str, Any], has_parts: bool = False) -> Any:
-    """A line an axis, with a bar of its hue before its name.
-
-    has_parts: whether the parts of the uncertainties are shown, where the sample has them.
-    """
+def pose_table(now: dict[str, Any]) -> Any:
+    """A line an axis, with a bar of its hue before its name."""
     from rich.table import Table
     from rich.text import Text
 
     hues = terminal_hues()
-    table = Table(box=None, title_justify="left", pad_edge=False)
-    parts = [part for part in UNCERTAINTY_PARTS if has_parts and f"u_{part}_tx_um" in now]
-    for heading in ("", "value", "u (1 sigma)", *parts):
-        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    table = Table("", "value", "u (1 sigma)", box=None, pad_edge=False)
     for name in STATE:
         unit, fine = ("mrad", "urad") if name in ANGLES else ("mm", "um")
-        value = now.get(f"{name}_{unit}")
+        value, size = now.get(f"{name}_{unit}"), now.get(f"u_{name}_{fine}")
         shown = "-" if value is None else f"{value:+.5f} {unit}"
-        marked = Text.assemble(("▌", hues.axes[name]), name)
-        sizes = [now.get(f"u_{part}{name}_{fine}") for part in ("", *(f"{p}_" for p in parts))]
-        written = ["-" if size is None else f"{size:.3g} µ{fine[1:]}" for size in sizes]
-        table.add_row(marked, shown, *written)
+        written = "-" if size is None else f"{size:.3g} µ{fine[1:]}"
+        table.add_row(Text.assemble(("▌", hues.axes[name]), name), shown, written)
     for name, *row in object_rows(now):
         table.add_row(Text.assemble(("▌", hues.axes[name.split()[-1]]), name), *row)
     return table
@@ -320,65 +284,40 @@ def counts(now: dict[str, Any]) -> list[tuple[str, str, bool]]:
     ]
 
 
-def counts_table(now: dict[str, Any]) -> Any:
-    """The counts beside the pose; one that is not as it should be stands out."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False)
-    table.add_column("stream", style="dim", no_wrap=True)
-    table.add_column("", justify="right", no_wrap=True)
-    for name, value, bad in counts(now):
-        table.add_row(name, value, style=f"bold {terminal_hues().alarm} not dim" if bad else None)
-    return table
-
-
-def lower_lines(now: dict[str, Any], beside: bool) -> Iterator[Any]:
-    """Yield the lines under the faces: messages, and counts that are not beside the pose."""
+def lower_lines(now: dict[str, Any]) -> Iterator[Any]:
+    """Yield the lines under the tables: counts, of which those that need a look stand out, and
+    messages."""
     from rich.text import Text
 
     alarm = f"bold {terminal_hues().alarm}"
-    if not beside:
-        words = Text()
-        for name, value, bad in counts(now):
-            words.append(f"{name} {value}", alarm if bad else "")
-            words.append("   ")
-        yield words
+    words = Text()
+    for name, value, bad in counts(now):
+        words.append(f"{name} {value}", alarm if bad else "")
+        words.append("   ")
+    yield words
     for line in more(now):
         yield Text(line)
     if now["note"]:
         yield Text(now["note"], alarm)
 
 
-def face(live: Live, k: int, wide: int, high: int) -> Any:
-    """One detector in its hue: its area with the spot on it, and a bar of its power."""
-    from rich.panel import Panel
+def detector_table(live: Live) -> Any:
+    """A line a detector in its hue: the place of its spot, and its light."""
+    from rich.table import Table
     from rich.text import Text
 
-    hue = terminal_hues().detectors[DETECTORS[k]]
-    rows = [[" "] * wide for _ in range(high)]
-    rows[high // 2] = ["·"] * wide
-    for row in rows:
-        row[wide // 2] = "·"
-    power = float("nan")
-    if (newest := live.current) is not None:
-        y, z, power = newest.readings[-1, 3 * k : 3 * k + 3]
-        half = half_sizes(live.pipeline.config.sensor)[k]
-        if np.isfinite([y, z]).all() and abs(y) <= half[0] and abs(z) <= half[1]:
-            across = round((y / half[0] + 1) / 2 * (wide - 1))
-            rows[round((1 - z / half[1]) / 2 * (high - 1))][across] = "●"
-    share = power / live.pipeline.config.sensor.beam.power
-    bar = "█" * round(wide * min(max(share, 0), 1)) if np.isfinite(share) else ""
-    drawn = Text("\n".join("".join(row) for row in rows), "dim")
-    drawn.highlight_regex("●", f"bold {hue} not dim")
-    drawn.append(f"\n{bar:<{wide}}", f"{hue} not dim")
-    title = f"{DETECTORS[k].upper()} {light(live, k, power)}"
-    if wide >= len(title) + 4:
-        title = f"PSD {title}"
-    return Panel(drawn, title=Text(title, f"bold {hue}"), border_style=hue, width=wide + 4)
+    table = Table("", "psi", "zeta", "light", box=None, pad_edge=False)
+    reading = np.full(9, np.nan) if live.current is None else live.current.readings[-1]
+    for k, name in enumerate(DETECTORS):
+        places = reading[3 * k : 3 * k + 2].tolist()
+        shown = [f"{place:+.4f} mm" if np.isfinite(place) else "-" for place in places]
+        title = Text.assemble(("▌", terminal_hues().detectors[name]), name.upper())
+        table.add_row(title, *shown, light(live, k, float(reading[3 * k + 2])))
+    return table
 
 
 def light(live: Live, k: int, power: float) -> str:
-    """A detector's light in words that fit above its face."""
+    """A detector's light in words."""
     if (newest := live.current) is None:
         return "-"
     if np.isnan(power):
