@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
@@ -13,63 +11,39 @@ from numpy.typing import NDArray
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
 from ...estimation.solution import UNCERTAINTY_PARTS
 from .sample_rows import HEAD as HEAD_COLUMNS
-from .sample_rows import NUMBERS, PARTS
 
 Rows = NDArray[np.void]
 
+#: The group of a text that has a column.
 GROUPS = {
-    "reading": READING_COLUMNS,
-    "pose": STATE_COLUMNS,
-    "u": tuple(f"u_{name}" for name in STATE_COLUMNS),
+    **dict.fromkeys(READING_COLUMNS, "reading"),
+    **dict.fromkeys(STATE_COLUMNS, "pose"),
+    **{f"u_{name}": "u" for name in STATE_COLUMNS},
+    **{f"u_{part}_{name}": f"u_{part}" for part in UNCERTAINTY_PARTS for name in STATE_COLUMNS},
+    "residual": "",
 }
-PART_GROUPS = {
-    f"u_{part}": tuple(f"u_{part}_{name}" for name in STATE_COLUMNS) for part in UNCERTAINTY_PARTS
-}
-
-
-def json_template(groups: dict[str, tuple[str, ...]]) -> str:
-    """The text of a sample with a place for each of its numbers."""
-    parts = []
-    for group, names in groups.items():
-        parts.append(f'"{group}":{{' + ",".join(f'"{name}":%.9g' for name in names) + "}")
-    return ",".join(parts)
-
-
-#: Columns that every program's text names by itself.
-KNOWN = {*NUMBERS, *PARTS}
-#: The beginnings of columns by the group of a text; those of no group are auxiliary channels.
-FURTHER_GROUPS = {
-    "object": re.compile(r"((u|u_noise|u_calibration)_)?(object|displacement)_|cov_"),
-    "channels": re.compile(""),
-}
-
-
-def further_groups(names: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Return the columns beyond `KNOWN`, by their group in the text."""
-    groups: dict[str, tuple[str, ...]] = dict.fromkeys(FURTHER_GROUPS, ())
-    for name in names:
-        if name not in KNOWN:
-            group = next(key for key, begins in FURTHER_GROUPS.items() if begins.match(name))
-            groups[group] += (name,)
-    return groups
-
-
+#: The beginnings of the columns of an object; all others that are in no group are channels.
+OF_OBJECT = re.compile(r"((u|u_noise|u_calibration)_)?(object|displacement)_|cov_")
 HEAD = '"timestamp":%.9f,"seq":%d,"status":%d,"flags":%d'
+UNKNOWN = re.compile(r'"\w+":(nan|-?inf),?')
+
+
+def group_columns(names: tuple[str, ...]) -> dict[str, list[str]]:
+    """Return columns by their groups in the text of a sample; "" has those of no group."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        other = "object" if OF_OBJECT.match(name) else "channels"
+        groups.setdefault(GROUPS.get(name, other), []).append(name)
+    return groups
 
 
 @cache
 def template_of(names: tuple[str, ...]) -> str:
-    """The text of a sample with these columns."""
-    parts = [HEAD, json_template(GROUPS), '"residual":%.9g']
-    further = further_groups(names)
-    parts += [
-        json_template(groups)
-        for groups, is_there in (
-            (PART_GROUPS, "u_noise_tx_mm" in names),
-            *(({group: further[group]}, bool(further[group])) for group in ("object", "channels")),
-        )
-        if is_there
-    ]
+    """The text of a sample with a place for each of its numbers."""
+    parts = [HEAD]
+    for group, members in group_columns(names).items():
+        text = ",".join(f'"{name}":%.9g' for name in members)
+        parts.append(f'"{group}":{{{text}}}' if group else text)
     return "{" + ",".join(parts) + "}"
 
 
@@ -80,24 +54,13 @@ def json_of(rows: Rows) -> list[str]:
     template = template_of(names)
     numbers = np.column_stack([rows[name] for name in names])
     whole = np.isfinite(numbers).all(axis=1)
+    texts = [template % (*head, *row) for head, row in zip(heads, numbers.tolist(), strict=True)]
     return [
-        template % (*head, *row) if fine else sparse_json(template, head, row)
-        for head, row, fine in zip(heads, numbers.tolist(), whole.tolist(), strict=True)
+        text if fine else UNKNOWN.sub("", text).replace(",}", "}")
+        for text, fine in zip(texts, whole.tolist(), strict=True)
     ]
 
 
 def numbers_of(dtype: np.dtype[np.void]) -> tuple[str, ...]:
     """The columns of rows after those of the head."""
     return (dtype.names or ())[len(HEAD_COLUMNS) :]
-
-
-def sparse_json(template: str, head: tuple[float, ...], row: list[float]) -> str:
-    """The text of a sample without those of its numbers that are not finite."""
-    known = json.loads(template % (*head, *(1.0 if np.isfinite(value) else 0.0 for value in row)))
-    numbers = json.loads(template % (*head, *(v if np.isfinite(v) else 0.0 for v in row)))
-    for name, value in known.items():
-        if isinstance(value, dict):
-            numbers[name] = {key: numbers[name][key] for key, there in value.items() if there}
-        elif name == "residual" and not value:
-            del numbers[name]
-    return json.dumps(numbers, separators=(",", ":"))

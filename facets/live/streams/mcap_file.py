@@ -8,7 +8,6 @@ for views in three dimensions, in metres. With an object `/facets/object` is the
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,9 +15,9 @@ import numpy as np
 
 from ...core.closing import ClosedAtExit
 from ...core.extras import require_extra
-from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from .json_rows import PART_GROUPS, json_of
-from .sample_rows import rows_of, unit_of
+from ...core.names import STATE_COLUMNS, STATE_UNITS
+from .json_rows import group_columns, json_of, numbers_of
+from .sample_rows import rows_of, sample_dtype, unit_of
 
 if TYPE_CHECKING:
     from ...core.units import Floats
@@ -96,15 +95,16 @@ def pose_messages(poses: Floats, times: list[int]) -> list[tuple[int, dict[str, 
     ]  # fmt: skip
 
 
-def numbers(names: tuple[str, ...], channels: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
-    described = {name: {"type": "number", "description": unit_of(name, channels)} for name in names}
-    return {"type": "object", "properties": described}
-
-
 def sample_schema(content: dict[str, Any]) -> dict[str, Any]:
-    channels = content["channels"]
-    columns = tuple(channel["column"] for channel in channels)
-    of_object = tuple(content["object_columns"])
+    def number(name: str) -> dict[str, str]:
+        return {"type": "number", "description": unit_of(name, content["channels"])}
+
+    groups = group_columns(numbers_of(sample_dtype(content)))
+    residual = {name: number(name) for name in groups.pop("")}
+    described = {
+        group: {"type": "object", "properties": {name: number(name) for name in names}}
+        for group, names in groups.items()
+    }
     return {
         "title": "facets.Sample",
         "type": "object",
@@ -113,13 +113,8 @@ def sample_schema(content: dict[str, Any]) -> dict[str, Any]:
             "seq": {"type": "integer"},
             "status": {"type": "integer", "description": "0: converged"},
             "flags": {"type": "integer"},
-            "reading": numbers(tuple(READING_COLUMNS)),
-            "pose": numbers(tuple(STATE_COLUMNS)),
-            "u": numbers(tuple(f"u_{name}" for name in STATE_COLUMNS)),
-            **{group: numbers(names) for group, names in PART_GROUPS.items()},
-            "residual": {"type": "number", "description": "sigma"},
-            **({"object": numbers(of_object)} if of_object else {}),
-            **({"channels": numbers(columns, channels)} if channels else {}),
+            **residual,
+            **described,
         },
     }
 
