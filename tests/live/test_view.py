@@ -133,20 +133,3 @@ def test_a_note_on_a_line_without_samples_ends_with_the_first_sample(clock):
     assert "bytes arrive, but no sample" in now.messages()[0]
     now.add_arrival(clock.now)
     assert not now.messages()
-
-
-@pytest.mark.parametrize("steps", [(2e-3, 2e-3), (1e-3, 2e-3)])
-def test_fewer_samples_than_before_are_told(clock, steps):
-    """By the board's clock, or where this became as slow as the samples."""
-    now, arrival = Live(Pipeline(BENCH), clock), clock.now
-    sequence = now.pipeline.sequence
-    sequence.seq = sequence.time = 0
-    for part in range(100):
-        is_slow = part >= 50
-        sequence.seq += 100
-        sequence.time += int(1e8 * (steps[0] if is_slow else 1e-3))
-        arrival += 100 * (steps[1] if is_slow else 1e-3)
-        now.add_arrival(arrival)
-        clock.now = arrival
-        assert is_slow or not now.messages()
-    assert now.messages() == ["only 500 samples come per second; before, there were 1000"]

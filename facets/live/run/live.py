@@ -22,12 +22,6 @@ from .sink import Sink
 SILENCE_S = 1.0
 #: So many of the usual times between samples pass before a slow board is silent.
 SILENT_SAMPLES = 10
-#: The rate of samples is that of this time, s.
-RATE_WINDOW_S = 2.0
-#: So many samples have a rate.
-RATE_SAMPLES = 100
-#: A share of the highest rate so far below which it is said that samples became fewer.
-FEWER = 0.8
 
 
 @dataclass
@@ -65,9 +59,6 @@ class Live:
     port_message: str = ""
     first: float = nan
     last: float = nan
-    rate: float = 0.0
-    best: float = 0.0
-    mark: tuple[int, float, float] | None = None
     end: float = inf
 
     @property
@@ -103,17 +94,10 @@ class Live:
         """The newest poses, unless the board has fallen silent since."""
         return None if self.silence else self.newest
 
-    def add_arrival(self, arrival: float, waits: bool = False) -> None:
-        """Take note of samples that came at a time, s.  waits: whether their source does."""
+    def add_arrival(self, arrival: float) -> None:
+        """Take note of samples that came at a time, s."""
         self.first = arrival if isnan(self.first) else self.first
         self.last = arrival
-        seq, time_s = self.pipeline.sequence.seq, 1e-6 * self.pipeline.sequence.time
-        begin = self.mark = self.mark or (seq, time_s, arrival)
-        # late samples come fast after it; a board may count its time as slowly as its samples
-        passed = max(time_s - begin[1], 0.0 if waits else arrival - begin[2])
-        if passed >= RATE_WINDOW_S and seq - begin[0] >= RATE_SAMPLES:
-            self.mark, self.rate = (seq, time_s, arrival), (seq - begin[0]) / passed
-            self.best = max(self.best, self.rate)
 
     @property
     def stage_stop(self) -> str:
@@ -173,7 +157,7 @@ class Live:
         self.events.put(None)
 
     def line_messages(self) -> list[str]:
-        """Say what the reader waits for, or why samples do not come, are fewer or all alike."""
+        """Say what the reader waits for, or why samples do not come or are all alike."""
         if self.note:
             return [self.note]
         if silence := self.silence:
@@ -185,8 +169,5 @@ class Live:
                 what = "bytes arrive, but no sample can be read from them"
                 return [f"{what}: check acquire.baud, acquire.format and acquire.channels"]
             return [f"{what}: check that the board is on and sending"]
-        if self.rate < FEWER * self.best:
-            now, before = f"{self.rate:.4g}", f"{self.best:.4g}"
-            return [f"only {now} samples come per second; before, there were {before}"]
         fault = self.pipeline.trust.fault
         return [f"{fault}: check the converter, its connections and the light"] if fault else []

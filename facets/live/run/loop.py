@@ -139,8 +139,7 @@ class Loop:
                 tracker.halt(CLOCK_MOVED)
             self.live.add_event("clock moved", late_ms=round(1e3 * clock.late, 3))
         if tally.samples > samples:
-            arrival = self.live.clock() if self.patient else block.arrival
-            self.live.add_arrival(arrival, self.patient)
+            self.live.add_arrival(self.live.clock() if self.patient else block.arrival)
 
     def solve_batch(self) -> None:
         """Solve one batch, and give up those that are too old."""

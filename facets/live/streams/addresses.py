@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import urlsplit
 
 from ...core.errors import InputError
 
@@ -20,17 +20,11 @@ def check_address(address: str) -> None:
             and parts.port is not None
             and (parts.scheme == "zmq" or parts.port > 0)
         )
-        sound = sound and options_of(address).keys() <= {"single", "bytes"}
-        int(options_of(address).get("bytes", 1))
+        sound = sound and not parts.query
     except ValueError:
         sound = False
     if not sound:
         raise InputError(f"--publish {address}: is not an address; give {SCHEMES}")
-
-
-def options_of(address: str) -> dict[str, str]:
-    """Return the options after the question mark of an address."""
-    return dict(parse_qsl(urlsplit(address).query, keep_blank_values=True))
 
 
 def zmq_endpoint(address: str) -> str:

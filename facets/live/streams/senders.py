@@ -15,38 +15,27 @@ import numpy as np
 
 from ...core.errors import FacetsError, InputError
 from ...core.extras import require_extra
-from .addresses import options_of
 from .json_rows import json_of
 from .run_feed import RunFeed
 from .sample_rows import HEAD as HEAD_COLUMNS
 from .sample_rows import unit_of
 from .subscription import POLL_MS, Rows
 
-#: Bytes of one datagram: what every network takes whole, and what one machine does.
-NETWORK_BYTES, LOCAL_BYTES = 1_400, 8_192
-
 
 class Udp:
-    """Datagrams of JSON to one address.
+    """Datagrams of JSON to one address, one for each sample with its `timestamp`, as the UDP server
+    of PlotJuggler takes them."""
 
-    A datagram is an array of samples, each with its `timestamp`, as the UDP server of PlotJuggler
-    takes it; with `?single` an object each, as its older versions do.
-    """
+    receivers = None
 
-    def __init__(self, host: str, port: int, options: dict[str, str]) -> None:
+    def __init__(self, host: str, port: int) -> None:
         kind = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         self.line = socket.socket(kind[0], socket.SOCK_DGRAM)
         self.line.connect(kind[4])
-        near = str(kind[4][0]).startswith("127.") or kind[4][0] == "::1"
-        self.most = int(options.get("bytes", LOCAL_BYTES if near else NETWORK_BYTES))
-        self.single = "single" in options
-
-    @property
-    def receivers(self) -> None:
-        return None
 
     def send(self, rows: Rows) -> int:
-        return sum(count for data, count in self.datagrams(rows) if self.put(data))
+        """Send samples; return for how many of them somebody listens there."""
+        return sum(self.put(text.encode()) for text in json_of(rows))
 
     def put(self, data: bytes) -> bool:
         """Send a datagram; return False if nobody listens there, or the address has no route."""
@@ -55,15 +44,6 @@ class Udp:
         except OSError:
             return False
         return True
-
-    def datagrams(self, rows: Rows) -> list[tuple[bytes, int]]:
-        """Return datagrams of rows, each with its number of samples."""
-        texts = json_of(rows)
-        each = 1 if self.single else max(1, self.most // (max(map(len, texts)) + 1))
-        if self.single:
-            return [(text.encode(), 1) for text in texts]
-        lots = [texts[start : start + each] for start in range(0, len(texts), each)]
-        return [(f"[{','.join(lot)}]".encode(), len(lot)) for lot in lots]
 
     def close(self) -> None:
         self.line.close()
@@ -121,7 +101,7 @@ def open_sender(address: str, about: dict[str, Any]) -> Udp | Lsl:
             return Lsl(parts.path, about)
         assert parts.hostname is not None
         assert parts.port is not None
-        return Udp(parts.hostname, parts.port, options_of(address))
+        return Udp(parts.hostname, parts.port)
     except OSError as error:
         raise InputError(f"--publish {address}: {error.strerror or error}") from None
 
