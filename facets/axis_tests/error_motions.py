@@ -158,8 +158,6 @@ class ErrorMotions:
         (6, m, 2, n) by component, target, direction and run; mm and rad, NaN without a run.
     draws
         (6, draws, m, 2, n) errors of the values, from their joint distribution.
-    times
-        (m, 2, n) s.
     frame
         (3, 3) the axes of the errors, as rows in the object's axes: its main one is the direction
         of the axis under test.
@@ -172,7 +170,6 @@ class ErrorMotions:
     targets: Floats
     values: Floats
     draws: Floats
-    times: Floats
     frame: Floats
     offset: Floats
 
@@ -225,7 +222,6 @@ def measure_error_motions(
         visits.targets,
         visits.grid(fitted.values.T),
         visits.grid(np.moveaxis(off.reshape(drawn.shape), -1, 0)),
-        visits.grid(visits.time),
         fitted.frame,
         fitted.offset,
     )

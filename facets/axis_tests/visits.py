@@ -90,14 +90,12 @@ class PoseSeries:
 @dataclass(frozen=True)
 class VisitCounts:
     """Numbers of what was left out: stands without a command, commands without a stand, rows
-    without a pose, with a misfit, and in no stand; and stands with fewer poses than rows
-    without."""
+    without a pose, and with a misfit; and stands with fewer poses than rows without."""
 
     stray_stands: int = 0
     missing: tuple[float, ...] = ()
     unsolved: int = 0
     misfits: int = 0
-    moving: int = 0
     doubtful: tuple[float, ...] = ()
 
 
@@ -229,7 +227,6 @@ def find_visits(
         missing=tuple(np.delete(commands.positions, partner[partner >= 0]).tolist()),
         unsolved=int((~series.has_pose).sum()),
         misfits=int(series.misfit.sum()),
-        moving=len(place) - sum(part.stop - part.start for part in kept),
         doubtful=tuple(doubtful),
     )
     return make_visits(good, kept, commands, partner[partner >= 0], sensor, plan), counts

@@ -46,10 +46,6 @@ class Estimate:
         half = SIGMAS_OF_95_PERCENT * self.sigma
         return self.value - half, self.value + half
 
-    def holds(self, true: float) -> bool:
-        low, high = self.interval
-        return low <= true <= high
-
 
 @dataclass(frozen=True)
 class SpectralLine:
