@@ -86,15 +86,6 @@ def new_keys(settings: Config, zero: NewZero, covariance: Path) -> dict[str, Any
     new = configuration.sensor_keys.write_sensor(old, zero.sensor)
     new["calibration"] = calibration_keys(zero.sensor, covariance)
     return {
-        "sensor": changed_keys(old, new),
+        "sensor": configuration.build.differences(old, new),
         "solve": {"beam_offset_um": (1e3 * zero.beam).tolist()},
-    }
-
-
-def changed_keys(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
-    """The keys of `new` whose values differ from those of `old`, block by block."""
-    return {
-        key: changed_keys(old[key], value) if isinstance(value, dict) else value
-        for key, value in new.items()
-        if value != old[key]
     }

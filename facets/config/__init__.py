@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..core.motions import Vibration as Vibration
     from ..core.settings import Config as Config
     from ..core.settings import Solve as Solve
+    from . import build as build
     from . import covariance as covariance
     from . import files as files
     from . import grid as grid

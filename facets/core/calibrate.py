@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from .axis_keys import MAX_LENGTH_MM, convert_fine_units, pose_block
-from .keys import FieldSource, Key, block_of, block_of_keys, declare, key
+from .keys import FieldSource, Key, block_of, block_of_keys, declare, drop_null, key
 from .names import TEMPERATURE_COLUMN
 from .sensor import LIGHT_CANDIDATES
 from .units import bounds_of
@@ -21,11 +21,6 @@ REFERENCE = pose_block(
 
 def _prior_sigma(name: str, default: float | None, most: float, meaning: str) -> Key:
     return Key(name, default, meaning, hint=float | None, bounds={"gt": 0, "le": most})
-
-
-def _drop_null(**values: Any) -> dict[str, Any]:
-    """Return the values of the keys that are not null, in the units of the code."""
-    return {name: value for name, value in values.items() if value is not None}
 
 
 BEFORE = block_of_keys(
@@ -76,7 +71,7 @@ BEFORE = block_of_keys(
         ),
         _prior_sigma("mount_deg", 3.0, 30, "each rotation of the mirror on the reference"),
     ],
-    _drop_null,
+    drop_null,
 )
 EFFECTS = block_of_keys(
     "Effects",

@@ -221,3 +221,8 @@ def block_of_keys(
 ) -> KeyBlock:
     """A block of keys that `make` takes by name."""
     return KeyBlock(name, meaning, {key.name: FieldSource((key,)) for key in keys}, make)
+
+
+def drop_null(**values: Any) -> dict[str, Any]:
+    """Return the values of the keys that are not null, in the units of the code."""
+    return {name: value for name, value in values.items() if value is not None}

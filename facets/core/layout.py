@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import MISSING, dataclass
 from math import inf
-from typing import Any, Literal
+from typing import Literal
 
 from .axis_keys import BOX, HALF_TURN_MRAD, MAX_LENGTH_MM, PER_AXIS, State
-from .keys import Key, block_of, block_of_keys, item_of, key
+from .keys import Key, block_of, block_of_keys, drop_null, item_of, key
 from .names import DETECTORS
 from .rigid_body import MeasuredObject
 
@@ -71,11 +71,6 @@ def _variables_of_one(kind: str, bounds: dict[str, tuple[float, float]]) -> list
     ]
 
 
-def _drop_null(**values: Any) -> dict[str, Any]:
-    """Return the values of the keys that are not null, in the units of the code."""
-    return {name: value for name, value in values.items() if value is not None}
-
-
 VARIABLES = block_of_keys(
     "Variables",
     "Variables of the layout, each with its least and largest value; variables that are left out "
@@ -117,7 +112,7 @@ VARIABLES = block_of_keys(
             },
         ),
     ],
-    _drop_null,
+    drop_null,
 )
 PARTS = Key(
     "parts",
