@@ -112,11 +112,9 @@ def test_spots_shine_on_the_detectors_where_readings_say(shot):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("inclination", [38, 41])
-def test_facets_are_not_black_at_any_inclination(inclination):
+def test_facets_are_not_black_at_any_inclination():
     """They were at 38, 40, 41 and 43 degrees, where the normals of the drawn facets were lost."""
-    slope = np.radians(inclination)
-    inclined = tuple(replace(facet, inclination=slope) for facet in PAPER.facets)
+    inclined = tuple(replace(facet, inclination=np.radians(41)) for facet in PAPER.facets)
     form = PictureForm("mirror", (120, 90), "light")
     with Picture(replace(PAPER, facets=inclined), REST, form) as picture:
         camera, parts = picture.view.camera, picture.view.parts

@@ -11,6 +11,7 @@ from ...characterization.ranges import CAUSES, find_exits
 from ...core.rules import Rules
 from ...core.sensor import Sensor
 from ...core.units import Floats, Integers
+from .camera import normalize
 
 #: Number of rays around, and from pole to pole: over the upper side, the sides, and the lower side.
 LONGITUDES, ROWS = 64, (10, 16, 10)
@@ -44,21 +45,19 @@ def range_solid(sensor: Sensor, rules: Rules) -> RangeSolid:
 
     The solid has points along the lines where the cause changes, so that each face has one cause.
     """
-    reach = follow(sensor, rules, np.concatenate([-np.eye(3), np.eye(3)]))[0]
-    size = np.maximum(reach[:3], reach[3:])
+    ends, _ = follow(sensor, rules, np.concatenate([-np.eye(3), np.eye(3)]))
+    size = np.abs(ends).max(axis=0)
     around = 2 * np.pi * np.arange(LONGITUDES) / LONGITUDES
 
-    def ask(polar: Floats, turn: Floats) -> tuple[Floats, Integers, Floats]:
+    def ask(polar: Floats, turn: Floats) -> tuple[Floats, Integers]:
         level = np.sin(polar)
         ways = np.stack([level * np.cos(turn), level * np.sin(turn), np.cos(polar)], axis=-1)
-        ways = ways * size / np.linalg.norm(ways * size, axis=-1, keepdims=True)
-        return *follow(sensor, rules, ways), ways
+        return follow(sensor, rules, ways * size)
 
     upper = changes(lambda polar: ask(polar, around)[1], np.zeros(LONGITUDES))
     lower = changes(lambda polar: ask(polar, around)[1], np.full(LONGITUDES, np.pi))
     polar = between(upper, lower)
-    distance, causes, ways = ask(polar.ravel(), np.tile(around, len(polar)))
-    points = distance[:, None] * ways
+    points, causes = ask(polar.ravel(), np.tile(around, len(polar)))
     rows, columns = np.indices((len(polar) - 1, LONGITUDES)).reshape(2, -1)
     after = (columns + 1) % LONGITUDES
     first, second = rows * LONGITUDES, (rows + 1) * LONGITUDES
@@ -95,13 +94,9 @@ def between(upper: Floats, lower: Floats) -> Floats:
 
 
 def follow(sensor: Sensor, rules: Rules, ways: Floats) -> tuple[Floats, Integers]:
-    """The range in directions (n, 3) of the mirror's place, mm, and the causes of its end."""
-    exits = find_exits(sensor, rules, np.zeros(6), rays_along(ways), 1e-5)
-    return exits.distance * FARTHEST_MM, np.where(exits.cause < 0, len(CAUSES), exits.cause)
-
-
-def rays_along(ways: Floats) -> Floats:
-    """Rays (n, 6) of the length `FARTHEST_MM` in directions (n, 3) of the mirror's place."""
+    """The ends of the range in directions (n, 3) of the mirror's place, mm, and the causes."""
     rays = np.zeros((len(ways), 6))
-    rays[:, :3] = FARTHEST_MM * ways / np.linalg.norm(ways, axis=1, keepdims=True)
-    return rays
+    rays[:, :3] = FARTHEST_MM * normalize(ways)
+    exits = find_exits(sensor, rules, np.zeros(6), rays, 1e-5)
+    ends = exits.distance[:, None] * rays[:, :3]
+    return ends, np.where(exits.cause < 0, len(CAUSES), exits.cause)

@@ -30,7 +30,7 @@ from .sheet import DrawingSheet
 from .solids import RigPart, Solid, bands
 from .studio import Shot, Studio
 from .views import factor_in_words as factor_in_words
-from .views import round_down
+from .views import round_down, state_in_words
 
 OnProgress = Callable[[float, float], None]
 ViewName = Literal["both", "rig", "mirror", "detector", "cutaway", "range", "trail"]
@@ -131,7 +131,7 @@ class Picture(ClosedAtExit):
         sheet = DrawingSheet(self.expose(camera, view.look, self.turning), self.theme)
         note = factor_in_words(self.factor, self.turning) or view.note
         words = " \u00b7 ".join(part for part in (self.form.title, view.what, note) if part)
-        sheet.caption([line for line in (words, view.state_line(self.state)) if line])
+        sheet.caption([words, state_in_words(self.state)] if view.has_state else [words])
         if view.scale is not None:
             sheet.scale_bar(camera.pixel, view.width, view.scale)
         if view.legend:

@@ -79,6 +79,7 @@ class SceneView:
     look = Exposure()
     scale: str | None = " at the mirror"
     width = 1.0
+    has_state = True
     legend: Sequence[tuple[str, str]] = ()
 
     def __init__(self, rig: RigModel, theme: Theme, size: tuple[int, int]) -> None:
@@ -102,9 +103,6 @@ class SceneView:
 
     def insets(self) -> list[Inset]:
         return []
-
-    def state_line(self, state: Floats) -> str:
-        return state_in_words(state)
 
     def points(self) -> Floats:
         """Return all points of the parts, (n, 3)."""
@@ -417,6 +415,7 @@ class TrailView(HeadView):
 
     what, scale, width = "the way of the mirror's point", " of the mirror", 0.645
     area = (0.08, 0.10, 0.66, 0.84)
+    has_state = False
 
     def __init__(self, *arguments: Any, motion: Floats) -> None:
         self.motion = motion[:: max(1, len(motion) // 600)]
@@ -441,9 +440,6 @@ class TrailView(HeadView):
     def move(self, state: Floats) -> None:
         """Stay at rest, since a motion has no single state."""
         super().move(np.zeros(8))
-
-    def state_line(self, state: Floats) -> str:
-        return ""
 
     def labels(self) -> list[Label]:
         """Return the path, in colours that change with time, and its start."""
