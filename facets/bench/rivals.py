@@ -138,29 +138,38 @@ def moments_of_wedge(apex: Floats, start: float, stop: float) -> tuple[float, fl
 def readings_by_legendre(states: Floats, nodes: int = 12) -> Floats:
     """Nine readings for each state, (n, 9), all at once: Gauss-Legendre in the angle, the radial
     part in closed form."""
-    from scipy.special import erfc
-
     places, weights = np.polynomial.legendre.leggauss(nodes)
     normals = facet_normals(states)
     start = edge_angles(normals)
-    opening = (np.roll(start, -1, axis=1) - start) % (2 * pi)
-    angle = start[..., None] + opening[..., None] * (places + 1) / 2
-    ux, uy = np.cos(angle), np.sin(angle)
-    q = ((states[:, :2] - states[:, 6:]) / SIGMA)[:, None, None, :]
-    a, h = q[..., 0] * ux + q[..., 1] * uy, q[..., 0] * uy - q[..., 1] * ux
-    zeroth = np.exp(-h * h / 2) * erfc(a / sqrt(2)) / (2 * sqrt(2 * pi))
-    first = np.exp(-(a * a + h * h) / 2) / (2 * pi) - a * zeroth
-    second = zeroth - a * first
-    share = opening[..., None] / 2 * weights
-    mass = (share * first).sum(-1)
-    x = (share * (q[..., 0] * first + second * ux)).sum(-1) / mass
-    y = (share * (q[..., 1] * first + second * uy)).sum(-1) / mass
-    points = states[:, None, 6:] + SIGMA * np.stack([x, y], axis=-1)
+    opening = ((np.roll(start, -1, axis=1) - start) % (2 * pi))[..., None]
+    mass, centroid = integrate_rays(
+        (states[:, :2] - states[:, 6:]) / SIGMA,
+        start[..., None] + opening * (places + 1) / 2,
+        opening / 2 * weights,
+    )
+    points = states[:, None, 6:] + SIGMA * centroid
     found = np.empty((len(states), 9))
     for k in range(3):
         found[:, 3 * k : 3 * k + 2] = land(points[:, k], k, normals[:, k], states[:, :3])
         found[:, 3 * k + 2] = POWER * mass[:, k]
     return found
+
+
+def integrate_rays(apex: Floats, angle: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """Mass (n, 3) and centroid (n, 3, 2) of a Gaussian beam over wedges from the apex (n, 2), by
+    rays at the angles (n, 3, nodes), in sigmas."""
+    from scipy.special import erfc
+
+    ux, uy = np.cos(angle), np.sin(angle)
+    q = apex[:, None, None, :]
+    a, h = q[..., 0] * ux + q[..., 1] * uy, q[..., 0] * uy - q[..., 1] * ux
+    zeroth = np.exp(-h * h / 2) * erfc(a / sqrt(2)) / (2 * sqrt(2 * pi))
+    first = np.exp(-(a * a + h * h) / 2) / (2 * pi) - a * zeroth
+    second = zeroth - a * first
+    mass = (weights * first).sum(-1)
+    x = (weights * (q[..., 0] * first + second * ux)).sum(-1) / mass
+    y = (weights * (q[..., 1] * first + second * uy)).sum(-1) / mass
+    return mass, np.stack([x, y], axis=-1)
 
 
 def solve_by_scipy(solver: str, model: Function, readings: Floats) -> Floats:

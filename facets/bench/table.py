@@ -53,17 +53,11 @@ def measure(quick: bool, seed: int) -> list[Row]:
     poses, few, rounds = (5_000, 200, 3) if quick else (50_000, 2_000, 15)
     states = states_in_range(poses, seed)
     rows = np.hstack([readings(SENSOR, states), states])
-    exact = exact_readings(states[:CHECKED_READINGS])
     table = []
     for row, way in time_ways("readings", reading_ways(poses, few), rows, rounds):
-        off = np.abs(way.work(rows[: min(len(exact), way.poses)]) - exact[: way.poses])
-        places = off.reshape(-1, 3, 3)[:, :, :2]
-        table.append(row | {"error_mm": float(places.max()), "error_rad": np.nan})
+        table.append(row | reading_errors(way, rows))
     for row, way in time_ways("poses", pose_ways(poses, few), rows, rounds):
-        some = rows[: min(CHECKED_POSES, way.poses)]
-        off = np.abs(way.work(some) - some[:, 9:]).max(axis=0)
-        lengths, angles = off[[0, 1, 2, 6, 7]], off[3:6]
-        table.append(row | {"error_mm": lengths.max(), "error_rad": angles.max()})
+        table.append(row | pose_errors(way, rows))
     unknown = {"error_mm": np.nan, "error_rad": np.nan}
     for task, ways in light_tasks(rows[: poses // 4], seed).items():
         table += [row | unknown for row, _ in time_ways(task, ways, rows, rounds)]
@@ -71,6 +65,20 @@ def measure(quick: bool, seed: int) -> list[Row]:
         seconds = [first_cpu_seconds(expression) for expression in FIRST_USES.values()]
         table += [row | unknown for row in make_rows("nothing compiled", list(FIRST_USES), seconds)]
     return table
+
+
+def reading_errors(way: Contender, rows: Floats) -> Row:
+    """The largest error of a place."""
+    some = rows[: min(CHECKED_READINGS, way.poses)]
+    off = np.abs(way.work(some) - exact_readings(some[:, 9:])).reshape(-1, 3, 3)
+    return {"error_mm": float(off[:, :, :2].max()), "error_rad": np.nan}
+
+
+def pose_errors(way: Contender, rows: Floats) -> Row:
+    """The largest errors of a length and of an angle."""
+    some = rows[: min(CHECKED_POSES, way.poses)]
+    off = np.abs(way.work(some) - some[:, 9:]).max(axis=0)
+    return {"error_mm": off[[0, 1, 2, 6, 7]].max(), "error_rad": off[3:6].max()}
 
 
 def time_ways(

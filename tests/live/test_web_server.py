@@ -282,16 +282,15 @@ def test_a_page_is_told_messages_as_events_unsolved_samples_and_a_run_that_break
 
 
 def test_the_stage_is_told_with_its_target_and_what_is_left():
-    live = Live(Pipeline(BENCH))
     encoder = Encoder(1.0, np.array([1.0, -2.0]), np.zeros(2))
     envelope = SimpleNamespace(encoder=encoder, sent=(1.0, np.array([1.25, -2.0])), latched="")
     tracker = SimpleNamespace(envelope=envelope, state="following", moves=7)
-    words = stage(tracker, live)
+    words = stage(tracker, None)
     assert (words["place"], words["target"]) == ([1.0, -2.0], [1.25, -2.0])
     assert words["error"] == [-0.25, 0.0]
     assert words["state"] == "following"
     envelope.sent = None
-    words = stage(tracker, live)
+    words = stage(tracker, None)
     assert words["target"] is words["error"] is None
     assert words["why"]
 

@@ -15,7 +15,7 @@ from ..run.view import round_digits
 if TYPE_CHECKING:
     from ...tracking.tracker import Tracker
     from ..run.live import Live
-    from ..run.pipeline import Pipeline
+    from ..run.pipeline import Pipeline, RunPoses
 
 Item = dict[str, Any]
 
@@ -38,7 +38,7 @@ def status_of(live: Live) -> dict[str, Any]:
         "events": events(pipeline) | {"reconnected": live.reconnects},
         "counts": [mean_rate(pipeline, passed), *counts(pipeline), *loop_counts(live)],
         "clock": clock(pipeline),
-        "stage": stage(live.tracker, live),
+        "stage": stage(live.tracker, live.current),
         "published": [
             {key: publication[key] for key in ("address", "sent", "dropped", "trouble")}
             for publication in live.values().get("published", ())
@@ -132,7 +132,7 @@ def recording(live: Live) -> str:
     return f"recorded in {known['recording']}" + (f"; {lost} bytes are not" if lost else "")
 
 
-def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:
+def stage(tracker: Tracker | None, newest: RunPoses | None) -> dict[str, Any]:
     """Where the stage is, where it was sent, and what is left between; all in mm."""
     if tracker is None:
         return {"there": False, "why": "no stage is moved (--track moves one)"}
@@ -155,6 +155,6 @@ def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:
         target = np.asarray(sent[1], dtype=float)
         state["target"] = [round_digits(x) for x in target]
         state["error"] = [round_digits(x) for x in place - target]
-    if (newest := live.current) is not None:
+    if newest is not None:
         state["chi"] = [round_digits(x) for x in tracking_error(newest.readings[-1, 2::3])]
     return state

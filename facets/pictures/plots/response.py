@@ -53,54 +53,68 @@ def draw_axis(
     panels: Any, response: FrequencyResponse, name: str, unit: str, bandwidth: float
 ) -> None:
     """Draw size, phase and coherence of one axis in three panels."""
-    n, hues, form = POSE.index(name), chosen_hues(), response.form
-    frequency, hue, scale = response.frequency, chosen_hues().axes[name], form.factor(name)
-    size = scale * np.abs(response.h1[:, n])
-    half = response.coverage_factor * response.random_error[:, n]
+    frequency, n = response.frequency, POSE.index(name)
     is_seen = response.coherence[:, n] > response.significant_coherence
-    flat = len(frequency) > VECTOR_LINES
-    floor = NOISE_95 ** (-1 if form.is_inverse else 1) * scale * response.noise_floor[:, n]
+    line = {"color": chosen_hues().axes[name], "rasterized": len(frequency) > VECTOR_LINES}
     sizes, phases, coherences = panels
+    draw_size(sizes, response, name, is_seen, line)
+    sizes.set_title(style.component_label(name))
+    inverse = "1/" if response.form.is_inverse else ""
+    sizes.set_ylabel(f"{inverse}|H|, {response.form.unit_text(name, unit)}")
+    draw_phase(phases, response, n, is_seen, line, bandwidth)
+    draw_coherence(coherences, response, n, line)
+    if bandwidth < frequency[-1]:
+        sizes.axvline(bandwidth, color=chosen_hues().alarm, ls="--", lw=1.0)
     known = frequency[response.is_excited]
     shown = max(frequency[0], 0.7 * known.min()), min(frequency[-1], 1.3 * known.max())
-    sizes.set(yscale="log", xscale="log", title=style.component_label(name))
-    least = 0.2 * float(
-        np.nanmin(
-            [
-                np.median(floor[response.is_excited]),
-                size[is_seen].min(initial=np.inf),
-                np.median(size),
-            ]
-        )
-    )
-    top = 2 * float(np.nanmax(size[response.is_excited]))
-    sizes.fill_between(
-        frequency, top if form.is_inverse else least, floor, color=hues.grey, alpha=0.45, lw=0
-    )
-    sizes.fill_between(frequency, size * np.maximum(1 - half, 1e-3), size * (1 + half),
-                       color=hue, alpha=0.25, lw=0, where=is_seen, rasterized=flat)  # fmt: skip
-    h2 = scale * np.abs(response.h2[:, n])
-    sizes.plot(frequency, keep(h2, is_seen), color=hues.ink, lw=0.5, rasterized=flat)
-    sizes.plot(frequency, size, color=hues.grey, lw=0.5, rasterized=flat)
-    sizes.plot(frequency, keep(size, is_seen), color=hue, rasterized=flat)
-    if top > 0:  # an axis that is zero in all rows has no size to show
-        sizes.set_ylim(least, top)
-    sizes.set_ylabel(f"{'1/' if form.is_inverse else ''}|H|, {form.unit_text(name, unit)}")
-    angle = np.degrees(np.angle(response.h1[:, n]))
-    phases.plot(frequency, keep(angle, is_seen), ".", ms=1.2, color=hue, rasterized=flat)
-    phases.set(ylim=(-200, 200), yticks=(-180, 0, 180), ylabel="phase, °")
-    lag = np.degrees(np.angle(low_pass(frequency, bandwidth)))
-    phases.plot(frequency, -lag if form.is_inverse else lag, "--", color=hues.alarm, lw=1.0)
-    if bandwidth < frequency[-1]:
-        sizes.axvline(bandwidth, color=hues.alarm, ls="--", lw=1.0)
-    coherences.plot(frequency, response.coherence[:, n], color=hue, lw=0.7, rasterized=flat)
-    if response.multiple_coherence is not None:
-        coherences.plot(frequency, response.multiple_coherence[:, n], color=hues.ink, lw=0.5)
-    coherences.axhline(response.significant_coherence, color=hues.grey, lw=0.8)
-    coherences.set(ylim=(0, 1.05), yticks=(0, 0.5), ylabel="coher.")
     for panel in panels:
         panel.set_xlim(*shown)
         shade(panel, frequency, ~response.is_excited)
+
+
+def draw_size(
+    panel: Axes, response: FrequencyResponse, name: str, is_seen: Booleans, line: dict[str, Any]
+) -> None:
+    """Draw both estimates with the random error, over the sensor's noise."""
+    n, hues, form = POSE.index(name), chosen_hues(), response.form
+    frequency, excited, scale = response.frequency, response.is_excited, response.form.factor(name)
+    size, h2 = (scale * np.abs(each[:, n]) for each in (response.h1, response.h2))
+    half = response.coverage_factor * response.random_error[:, n]
+    floor = NOISE_95 ** (-1 if form.is_inverse else 1) * scale * response.noise_floor[:, n]
+    smallest = np.median(floor[excited]), size[is_seen].min(initial=np.inf), np.median(size)
+    ends = 0.2 * float(np.nanmin(smallest)), 2 * float(np.nanmax(size[excited]))
+    panel.set(yscale="log", xscale="log")
+    panel.fill_between(frequency, ends[form.is_inverse], floor, color=hues.grey, alpha=0.45, lw=0)
+    panel.fill_between(frequency, size * np.maximum(1 - half, 1e-3), size * (1 + half),
+                       alpha=0.25, lw=0, where=is_seen, **line)  # fmt: skip
+    panel.plot(frequency, keep(h2, is_seen), lw=0.5, **line | {"color": hues.ink})
+    panel.plot(frequency, size, lw=0.5, **line | {"color": hues.grey})
+    panel.plot(frequency, keep(size, is_seen), **line)
+    if ends[1] > 0:  # an axis that is zero in all rows has no size to show
+        panel.set_ylim(*ends)
+
+
+def draw_phase(
+    panel: Axes, response: FrequencyResponse, n: int, is_seen: Booleans, line: dict[str, Any],
+    bandwidth: float,
+) -> None:  # fmt: skip
+    """Draw the phase, and that of the electronics' low pass."""
+    frequency = response.frequency
+    angle = np.degrees(np.angle(response.h1[:, n]))
+    panel.plot(frequency, keep(angle, is_seen), ".", ms=1.2, **line)
+    lag = np.degrees(np.angle(low_pass(frequency, bandwidth)))
+    sign = -1 if response.form.is_inverse else 1
+    panel.plot(frequency, sign * lag, "--", color=chosen_hues().alarm, lw=1.0)
+    panel.set(ylim=(-200, 200), yticks=(-180, 0, 180), ylabel="phase, °")
+
+
+def draw_coherence(panel: Axes, response: FrequencyResponse, n: int, line: dict[str, Any]) -> None:
+    hues = chosen_hues()
+    panel.plot(response.frequency, response.coherence[:, n], lw=0.7, **line)
+    if response.multiple_coherence is not None:
+        panel.plot(response.frequency, response.multiple_coherence[:, n], color=hues.ink, lw=0.5)
+    panel.axhline(response.significant_coherence, color=hues.grey, lw=0.8)
+    panel.set(ylim=(0, 1.05), yticks=(0, 0.5), ylabel="coher.")
 
 
 def keep(values: Floats, chosen: Booleans) -> Floats:
