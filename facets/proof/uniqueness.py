@@ -181,7 +181,7 @@ def prove(
     if prove_at_once(geometry, certificate, shares, slope):
         on_progress(1.0)
         return
-    jacobians = prove_pieces(geometry, certificate, shares, is_spent, on_progress)
+    jacobians = prove_pieces(geometry, certificate, shares, slope, is_spent, on_progress)
     certificate.regular = not certificate.doubtful
     if certificate.regular:
         conclude(geometry, certificate, shares, jacobians, slope)
@@ -196,8 +196,10 @@ def prove_at_once(
     jacobians = [jacobian for *_, jacobian, _ in looked if jacobian is not None]
     if len(jacobians) < len(looked):
         return False
-    pieces = [ProvedPiece(tuple(a.tolist()), tuple(b.tolist()), least) for a, b, _, least in looked]
-    certificate.pieces, certificate.work = pieces, len(pieces)
+    certificate.pieces = [
+        ProvedPiece(tuple(a.tolist()), tuple(b.tolist()), least) for a, b, _, least in looked
+    ]
+    certificate.work = len(looked)
     conclude(geometry, certificate, shares, jacobians, slope)
     if not certificate.unique:
         certificate.pieces, certificate.at_least = [], 0.0
@@ -235,14 +237,14 @@ def prove_pieces(
     geometry: Geometry,
     certificate: Certificate,
     shares: SharingBounds,
+    slope: float,
     is_spent: Callable[[int], bool],
     on_progress: Callable[[float], None],
 ) -> list[Centred]:
     """Sort the box's pieces into proved and doubtful ones; return the Jacobians of the proved
     ones."""
-    slope = ends(slope_of_powers(geometry, shares))[0]
-    certificate.work = 0
     todo = [(low, high, 0) for low, high in initial_pieces(certificate.box)]
+    certificate.work = 0
     whole, done, jacobians = len(todo), 0.0, []
     while todo:
         low, high, depth = todo.pop()

@@ -129,14 +129,18 @@ def choose_design(settings: Config, space: Space, file: Path, number: int) -> Fl
                          "by --folder")  # fmt: skip
     remedy = f"name the configuration that it was made from, or explore {settings.name} first"
     require_origin(file, read_head(file), settings, remedy)
-    key = "point" if file.stem == "pareto" else "design"
-    chunks = [chunk.columns for chunk in read_chunks(file, [key, *space.names])]
+    return read_design(file, "point" if file.stem == "pareto" else "design", space.names, number)
+
+
+def read_design(file: Path, key: str, names: list[str], number: int) -> Floats:
+    """Read the named variables of the row with this number in the column `key`."""
+    chunks = [chunk.columns for chunk in read_chunks(file, [key, *names])]
     table = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
     rows = np.flatnonzero(table[key] == number)
     if not len(rows):
         some = ", ".join(f"{n:.0f}" for n in table[key][:8])
         raise InputError(f"{file}: has no {key} {number}; it has {some} and so on")
-    return np.array([table[name][rows[0]] for name in space.names])
+    return np.array([table[name][rows[0]] for name in names])
 
 
 def make_buildable(space: Space, x: Floats) -> tuple[Floats, list[str]]:

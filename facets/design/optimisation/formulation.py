@@ -124,10 +124,7 @@ class LayoutConstraints:
         places = mirror_states(states * scale, layout.object, layout.following)
         names, x = list(layout.variables), values_between(layout.variables, unknowns)
         values = evaluate_layouts(sensor, names, x, columns_of_states(places), layout.object)
-        half, rim = half_of(values.sizes), sensor.apertures.rim
-        where = values.fixed, values.at
-        spots = [each / half for each in ellipse_clearances(*where, values.sizes)]
-        rims = rim_clearances(*where, rim) if np.isfinite(rim) else []
+        spots, rims = clearances_of(values, sensor.apertures.rim)
         outcome = values.outcome
         return [
             *limits_of(
@@ -142,6 +139,14 @@ class LayoutConstraints:
             *head_limits(layout.head, values.heads),
             *objective_constraints(layout.aims, layout.unit, values),
         ]
+
+
+def clearances_of(values: LayoutValues, rim: float) -> tuple[list[Any], list[Any]]:
+    """Clearances of the spots from the detectors' edges, over half a detector, and those of the
+    light from the mirror's rim, if it has one."""
+    half, where = half_of(values.sizes), (values.fixed, values.at)
+    spots = [each / half for each in ellipse_clearances(*where, values.sizes)]
+    return spots, rim_clearances(*where, rim) if np.isfinite(rim) else []
 
 
 def problem_of(sensor: Sensor, layout: Layout, price: float = 0.0) -> LayoutProblem:

@@ -106,21 +106,26 @@ def expand_margins(built: Assembly) -> Expansion:
         up, down = (margins_of(built.asked, head_at(built, n, step)) for step in (1.0, -1.0))
         slopes[:, n] = ((up - down) / 2).ravel()
         bends[:, n] = (up + down - 2 * middle).ravel()
-    axes = built.asked.accuracy_axes
-    rows = len(built.asked.states) * len(axes)
-    by_head, by_solver = np.zeros((2, rows, count))
-    if axes:
-        for n in range(count):
-            heads = [head_at(built, n, step) for step in (SLOPE_STEP, -SLOPE_STEP)]
-            up, down = (errors_of(built.asked, built.sensor, head) for head in heads)
-            by_solver[:, n] = ((up - down)[:, axes] / (2 * SLOPE_STEP)).ravel()
-            if built.loose[n]:
-                up, down = (errors_of(built.asked, head, built.sensor) for head in heads)
-                by_head[:, n] = ((up - down)[:, axes] / (2 * SLOPE_STEP)).ravel()
-    limits = np.tile(np.array(built.asked.layout.accuracy)[axes], len(built.asked.states))
+    by_head, by_solver = error_slopes(built)
+    axes, states = built.asked.accuracy_axes, len(built.asked.states)
+    limits = np.tile(np.array(built.asked.layout.accuracy)[axes], states)
     return Expansion(
         built, middle.ravel(), slopes, bends, by_head, by_solver, limits, *calibration_of(built)
     )
+
+
+def error_slopes(built: Assembly) -> tuple[Floats, Floats]:
+    """Slopes (e, p) of the errors by the head's parameters and by those that the solver uses."""
+    axes, count = built.asked.accuracy_axes, len(built.choice.names)
+    by_head, by_solver = np.zeros((2, len(built.asked.states) * len(axes), count))
+    for n in range(count if axes else 0):
+        heads = [head_at(built, n, step) for step in (SLOPE_STEP, -SLOPE_STEP)]
+        up, down = (errors_of(built.asked, built.sensor, head) for head in heads)
+        by_solver[:, n] = ((up - down)[:, axes] / (2 * SLOPE_STEP)).ravel()
+        if built.loose[n]:
+            up, down = (errors_of(built.asked, head, built.sensor) for head in heads)
+            by_head[:, n] = ((up - down)[:, axes] / (2 * SLOPE_STEP)).ravel()
+    return by_head, by_solver
 
 
 def head_at(built: Assembly, n: int, step: float) -> Sensor:
