@@ -11,8 +11,7 @@ from ...core.hues import chosen_hues
 from ...core.names import DETECTORS
 from ...core.sensor import Sensor
 from ...core.units import Floats
-from ...model.arrays import readings
-from ...optics.forward import psd_axes, psd_centre
+from ...model.arrays import geometry_of, readings
 from .wording import typeset
 
 #: Size of each of the two views, in units of the picture, and the margin around it.
@@ -22,34 +21,19 @@ FONT = "font-family='sans-serif' font-size='11'"
 
 def drawing(sensor: Sensor) -> str:
     """An SVG element: the plan, and each detector's section through the axis, both to one scale."""
-    centres, sides, spots = places(sensor)
+    geometry = geometry_of(sensor)
+    centres, sides = np.array(geometry.centres), np.array(geometry.axes)[:, -2:]
+    spots = np.nan_to_num(readings(sensor, np.zeros(8))).reshape(3, 3)[:, :2]
+    lit = centres + (spots[:, :, None] * sides).sum(axis=1)
     scale = (SIZE - 2 * EDGE) / (2.15 * float(np.hypot(centres[:, 0], centres[:, 1]).max()))
-    parts = [*plan(sensor, centres, sides, spots, scale), *section(sensor, centres, spots, scale)]
-    low, high = heights(sensor, centres)
-    below = max(SIZE, SIZE / 2 + scale * -low + EDGE, SIZE / 2 + scale * high + EDGE)
+    parts = [*plan(sensor, centres, sides, lit, scale), *section(sensor, centres, lit, scale)]
+    reach = np.abs(centres[:, 2]).max() + max(psd.size_z for psd in sensor.psds) / 2
+    below = max(SIZE, SIZE / 2 + scale * reach + EDGE)
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {2 * SIZE + EDGE:.0f} {below:.0f}' "
         f"width='{2 * SIZE + EDGE:.0f}' role='img' aria-label='the head from above and in section'>"
         f"{''.join(parts)}</svg>"
     )
-
-
-def places(sensor: Sensor) -> tuple[Floats, Floats, Floats]:
-    """Return each detector's middle (3, 3), axes y and z (3, 2, 3), and spot at rest (3, 3)."""
-    centres, sides = [], []
-    for psd in sensor.psds:
-        axes = psd_axes(psd.azimuth, psd.roll, psd.pitch, psd.yaw)
-        centres.append(psd_centre(psd.radius, psd.azimuth, psd.height))
-        sides.append(axes[1:])
-    middle: Floats = np.array(centres)
-    across: Floats = np.array(sides)
-    spots = np.nan_to_num(readings(sensor, np.zeros(8))).reshape(3, 3)[:, :2]
-    return middle, across, middle + (spots[:, :, None] * across).sum(axis=1)
-
-
-def heights(sensor: Sensor, centres: Floats) -> tuple[float, float]:
-    half = max(psd.size_z for psd in sensor.psds) / 2
-    return min(0.0, float(centres[:, 2].min()) - half), max(0.0, float(centres[:, 2].max()) + half)
 
 
 def line(
