@@ -195,9 +195,10 @@ def propagate(
     priors = state_part(lasting, both, square)[:, :, 6:]
     slopes = None
     if known is not None:
-        off = parameter_derivatives(sensor, known, states, seen, warmer)
-        off = np.nan_to_num(off * weigh[:, :, None])
-        moved = np.linalg.solve(inner, across @ off) * units[:, None]
+        off = parameter_derivatives(sensor, known, states, seen, warmer) * weigh[:, :, None]
+        if not np.isfinite(off).all():  # replacing takes longer than all else
+            off = np.nan_to_num(off)
+        moved = inverse @ (across @ off) * units[:, None]
         slopes = state_part(moved, (free,), (9, off.shape[2]))
     return Propagation(noise[:, :, :8], statistical[:, :, :8], slopes, seen, priors)
 
@@ -227,13 +228,15 @@ def parameter_derivatives(
         TEMPERATURE: lambda: temperature_derivatives(sensor, states, warmer),
         EFFECTS: lambda: effect_jacobian(sensor, states, names=known.names),
     }
-    derivatives = np.empty((len(states), 9, len(known.names)))
+    parts, order = [np.empty((len(states), 9, 0))], []
     for names, make in makers.items():
         columns = [n for n, name in enumerate(known.names) if name in names]
         if columns:
             which = [names.index(known.names[n]) for n in columns]
-            derivatives[:, :, columns] = make()[:, :, which]
-    return derivatives
+            parts.append(make().take(which, axis=2))
+            order += columns
+    derivatives: Floats = np.concatenate(parts, axis=2)
+    return derivatives if order == sorted(order) else derivatives[:, :, np.argsort(order)]
 
 
 def temperature_derivatives(sensor: Sensor, states: Floats, warmer: Floats | None) -> Floats:

@@ -16,6 +16,7 @@ else:
             ),
             "beam_shape": "axes_of shape_derivatives shape_of",
             "many": "VariedSensors evaluate vectors_of",
+            "object_code": "compile_objects load_objects",
             "threads": "once share",
         },
     )

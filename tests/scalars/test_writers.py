@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from llvmlite import binding, ir
 
-from facets.model import object_code
+from facets.model import compile_objects, load_objects
 from facets.optics import sum_of_products
 from facets.scalars import dispatch, dual, lane_rows, lanes
 
@@ -35,7 +35,7 @@ def compiled(writer):
     writer.builder.ret_void()
     module = writer.builder.module
     module.triple = binding.get_process_triple()
-    engine = object_code.load_objects(object_code.compile_objects("formula", module))
+    engine = load_objects(compile_objects("formula", module))
     call = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2)(engine.get_function_address("formula"))
 
     def run(given, count):
