@@ -228,7 +228,8 @@ def parameter_derivatives(
         TEMPERATURE: lambda: temperature_derivatives(sensor, states, warmer),
         EFFECTS: lambda: effect_jacobian(sensor, states, names=known.names),
     }
-    parts, order = [np.empty((len(states), 9, 0))], []
+    parts: list[Floats] = [np.empty((len(states), 9, 0))]
+    order: list[int] = []
     for names, make in makers.items():
         columns = [n for n, name in enumerate(known.names) if name in names]
         if columns:
