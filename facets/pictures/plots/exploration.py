@@ -51,16 +51,23 @@ def front_picture(
         picture = style.figure(style.FULL if len(views) != 1 or indices else 5.0, sum(heights))
         made: Any = picture.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
         if views:
-            part = made[0, 0]
-            panels = part.subplots(-(-len(views) // 2), min(len(views), 2), squeeze=False).ravel()
-            for panel, view in zip(panels, views, strict=False):
-                draw_designs(part, panel, view, others, front, present)
-            for panel in panels[len(views) :]:
-                panel.set_axis_off()
-            style.panels_legend(part, panels[:1], 3)
+            draw_views(made[0, 0], views, others, front, present)
         if indices:
             draw_indices(made[-1, 0].subplots(), indices)
     return picture
+
+
+def draw_views(
+    part: Any, views: list[tuple[str, ...]], others: Table, front: Table,
+    present: dict[str, float] | None,
+) -> None:  # fmt: skip
+    """Draw a panel for each view, in two columns."""
+    panels = part.subplots(-(-len(views) // 2), min(len(views), 2), squeeze=False).ravel()
+    for panel, view in zip(panels, views, strict=False):
+        draw_designs(part, panel, view, others, front, present)
+    for panel in panels[len(views) :]:
+        panel.set_axis_off()
+    style.panels_legend(part, panels[:1], 3)
 
 
 def draw_designs(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -66,19 +67,25 @@ def draw_plane(panel: Axes, result: PropagationResult, axes: tuple[int, int]) ->
     places = np.stack([offsets(result, axis) for axis in axes], axis=1)
     panel.plot(*places[::step].T, ".", ms=2, mew=0, color=hues.grey)
     panel.plot([], [], ".", ms=7, mew=0, color=hues.grey, label="trials")
-    assert result.linear.covariance is not None
-    factors = [unit_of(POSE[axis]).fine_factor for axis in axes]
-    covariance = result.linear.covariance[0][np.ix_(axes, axes)] * np.outer(factors, factors)
-    turn = np.linspace(0, 2 * np.pi, 241)
-    freedom = float(np.nanmin(result.linear.degrees_of_freedom[0]))
-    size = region_factor(result.probability, 2, freedom)
-    ellipse = size * np.linalg.cholesky(covariance) @ np.array([np.cos(turn), np.sin(turn)])
+    ellipse = linear_region(result, axes)
     text = f"linear region, {100 * result.probability:g} %"
     panel.add_collection(LineCollection([ellipse.T], colors=hues.accent, lw=1.6, label=text))
     low, high = np.quantile(places, [(1 - SHOWN_SHARE) / 2, (1 + SHOWN_SHARE) / 2], axis=0)
     low, high = np.minimum(low, ellipse.min(axis=1)), np.maximum(high, ellipse.max(axis=1))
     ends = np.stack([low - 0.05 * (high - low), high + 0.05 * (high - low)], axis=1)
     panel.set(xlim=ends[0], ylim=ends[1], xlabel=label(axes[0]), ylabel=label(axes[1]))
+
+
+def linear_region(result: PropagationResult, axes: tuple[int, int]) -> Floats:
+    """The rim of the linear region of two axes, (2, n), beside the estimate, um or urad."""
+    assert result.linear.covariance is not None
+    factors = [unit_of(POSE[axis]).fine_factor for axis in axes]
+    covariance = result.linear.covariance[0][np.ix_(axes, axes)] * np.outer(factors, factors)
+    turn = np.linspace(0, 2 * np.pi, 241)
+    freedom = float(np.nanmin(result.linear.degrees_of_freedom[0]))
+    size = region_factor(result.probability, 2, freedom)
+    rim: Floats = size * np.linalg.cholesky(covariance) @ np.array([np.cos(turn), np.sin(turn)])
+    return rim
 
 
 def label(axis: int) -> str:
@@ -91,6 +98,10 @@ def draw_distribution(panel: Axes, result: PropagationResult, axis: int) -> None
     """Draw the trials' density along an axis, the linear one, and both coverage intervals."""
     hues, values = chosen_hues(), offsets(result, axis)
     factor, place = unit_of(POSE[axis]).fine_factor, result.linear.pose[0, axis]
+
+    def offset_ends(ends: Sequence[Floats]) -> list[float]:
+        return [factor * (end[axis] - place) for end in ends]
+
     low, high = np.quantile(values, [(1 - SHOWN_SHARE) / 2, (1 + SHOWN_SHARE) / 2])
     count = int(np.clip(len(values) ** 0.4, 20, 120))
     density, edges = np.histogram(values, count, (low, high))
@@ -100,16 +111,14 @@ def draw_distribution(panel: Axes, result: PropagationResult, axis: int) -> None
     along = np.linspace(min(low, -4 * size), max(high, 4 * size), 400)
     normal = np.exp(-((along / size) ** 2) / 2) / (size * np.sqrt(2 * np.pi))
     panel.plot(along, normal, color=hues.accent, lw=1.6)
-    interval: dict[str, Any] = {"ls": (0, (4, 2)), "lw": 1.2}
-    for name, ends, hue in (
-        ("linear interval", [end[axis] for end in result.linear_interval], hues.accent),
-        (
-            "interval of the trials",
-            [result.symmetric.low[axis], result.symmetric.high[axis]],
-            hues.ink,
-        ),
-    ):
-        for end in ends:
-            panel.axvline(factor * (end - place), color=hue, **interval)
-        panel.plot([], [], color=hue, label=name, **interval)
+    draw_interval(panel, "linear interval", offset_ends(result.linear_interval), hues.accent)
+    symmetric = (result.symmetric.low, result.symmetric.high)
+    draw_interval(panel, "interval of the trials", offset_ends(symmetric), hues.ink)
     panel.set(xlabel=label(axis), yticks=[], ylabel="probability density")
+
+
+def draw_interval(panel: Axes, text: str, ends: Sequence[float], hue: str) -> None:
+    line: dict[str, Any] = {"color": hue, "ls": (0, (4, 2)), "lw": 1.2}
+    for end in ends:
+        panel.axvline(end, **line)
+    panel.plot([], [], label=text, **line)
