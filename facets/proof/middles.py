@@ -22,7 +22,7 @@ from ..optics.forward import Geometry
 from ..scalars.intervals import Interval
 from .interval_matrix import Matrix, determinant_bound, hull_of_matrices, middles, regularity
 from .light_sharing import SharingBounds
-from .pieces import ProvedPiece, cut_in_two, initial_pieces, share_levers
+from .pieces import ProvedPiece, cut_in_two, initial_pieces, proved_piece, share_levers
 from .spot_jacobian import Centred, centred_jacobian, intervals_between
 
 #: Largest number of pieces for the midpoint, and how many times each is halved.
@@ -90,7 +90,7 @@ def prove_by_middles(
         if margin_of_piece > 0:
             margin = min(margin, margin_of_piece)
             least = determinant_bound(matrix, slope, margin_of_piece)
-            pieces.append(ProvedPiece(tuple(low.tolist()), tuple(high.tolist()), least))
+            pieces.append(proved_piece(low, high, least))
         elif depth == MOST_CUTS:
             break
         else:

@@ -26,6 +26,10 @@ class ProvedPiece(NamedTuple):
     at_least: float
 
 
+def proved_piece(low: Floats, high: Floats, at_least: float) -> ProvedPiece:
+    return ProvedPiece(tuple(low.tolist()), tuple(high.tolist()), at_least)
+
+
 def initial_pieces(box: StateBox) -> Iterator[tuple[Floats, Floats]]:
     """Divide the box into its initial pieces; neighbours share their edge to the last digit."""
     counts = [n if box.high[i] > box.low[i] else 1 for i, n in enumerate(INITIAL_COUNTS)]

@@ -45,7 +45,7 @@ from .light_sharing import (
     least_share_over,
 )
 from .middles import prove_by_middles
-from .pieces import ProvedPiece, cut_in_two, initial_pieces, share_levers
+from .pieces import ProvedPiece, cut_in_two, initial_pieces, proved_piece, share_levers
 from .spot_jacobian import Centred, NotFacing, centred_jacobian, dark_scene_over, interval_geometry
 
 #: Largest number of times that a piece is halved.
@@ -196,9 +196,7 @@ def prove_at_once(
     jacobians = [jacobian for *_, jacobian, _ in looked if jacobian is not None]
     if len(jacobians) < len(looked):
         return False
-    certificate.pieces = [
-        ProvedPiece(tuple(a.tolist()), tuple(b.tolist()), least) for a, b, _, least in looked
-    ]
+    certificate.pieces = [proved_piece(a, b, least) for a, b, _, least in looked]
     certificate.work = len(looked)
     conclude(geometry, certificate, shares, jacobians, slope)
     if not certificate.unique:
@@ -254,7 +252,7 @@ def prove_pieces(
         if not (least > 0 or depth == MOST_CUTS or late):
             todo += [(a, b, depth + 1) for a, b in halves_of(low, high, jacobian, certificate.box)]
             continue
-        piece = ProvedPiece(tuple(low.tolist()), tuple(high.tolist()), least)
+        piece = proved_piece(low, high, least)
         if jacobian is not None and least > 0:
             jacobians.append(jacobian)
             certificate.pieces.append(piece)

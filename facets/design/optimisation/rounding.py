@@ -43,29 +43,15 @@ def step_of(name: str) -> float:
 def round_design(problem: LayoutProblem, x: Floats) -> Rounded | None:
     """Round the design; None if the unrounded design does not meet its requirements."""
     low, high = problem.bounds()
-    width = problem.high - problem.low
     here, steps = x.copy(), np.zeros(len(x))
     guess = problem.first_guess(x)
-    for n, name in enumerate(problem.names):
-        for finer in range(MAX_REFINEMENTS):
-            step = step_of(name) / 10**finer
-            solved = None
-            below, above = np.floor(here[n] / step) * step, np.ceil(here[n] / step) * step
-            for value in sorted((below, above), key=lambda v: abs(v - here[n])):
-                share = (value - problem.low[n]) / width[n]
-                if not -1e-9 <= share <= 1 + 1e-9:
-                    continue
-                solved = solve_with_value(problem, guess, low, high, n, float(np.clip(share, 0, 1)))
-                if solved is not None:
-                    break
-            if solved is not None:
-                guess, steps[n] = solved, step
-                low[n] = high[n] = solved[n]
-                here = problem.values_at(guess)
-                here[n] = round(value, 9)
-                break
-        else:
-            low[n] = high[n] = guess[n]
+    for n in range(len(x)):
+        result = round_variable(problem, guess, low, high, n, here[n])
+        if result is not None:
+            guess, value, steps[n] = result
+            here = problem.values_at(guess)
+            here[n] = round(value, 9)
+        low[n] = high[n] = guess[n]
     x = np.array(
         [v if s == 0 else round(round(v / s) * s, 9) for v, s in zip(here, steps, strict=True)]
     )
@@ -73,6 +59,25 @@ def round_design(problem: LayoutProblem, x: Floats) -> Rounded | None:
     if not np.isfinite(objective):
         return None
     return Rounded(x, objective, steps, costs_of(problem, x, steps, objective))
+
+
+def round_variable(
+    problem: LayoutProblem, guess: Floats, low: Floats, high: Floats, n: int, exact: float
+) -> tuple[Floats, float, float] | None:
+    """Search with one variable rounded; return the unknowns, its value and its step. None if no
+    value nearby meets the requirements."""
+    width = problem.high[n] - problem.low[n]
+    for finer in range(MAX_REFINEMENTS):
+        step = step_of(problem.names[n]) / 10**finer
+        neighbours = np.floor(exact / step) * step, np.ceil(exact / step) * step
+        for value in sorted(neighbours, key=lambda v: abs(v - exact)):
+            share = (value - problem.low[n]) / width
+            if -1e-9 <= share <= 1 + 1e-9:
+                share = float(np.clip(share, 0, 1))
+                solved = solve_with_value(problem, guess, low, high, n, share)
+                if solved is not None:
+                    return solved, value, step
+    return None
 
 
 def nearest_steps(names: list[str], x: Floats, low: Floats, high: Floats) -> Floats:
