@@ -20,6 +20,7 @@ from ...core.units import Floats
 from ...files.whole import Whole
 from ...model.arrays import half_sizes, readings
 from ...optics.vectors import rotation
+from ..style import style_context
 from . import scene, views
 from .camera import Camera
 from .exposure import Exposure, expose, floor_under
@@ -41,11 +42,14 @@ PICTURES, SCENES, MOVIES = (".png",), (".gltf", ".html"), (".mp4", ".gif")
 GIF_FILTER = (
     "split[a][b];[a]palettegen=max_colors=112:stats_mode=diff[p];[b][p]paletteuse=dither=none"
 )
-GIF: dict[str, Any] = {"codec": "gif", "pix_fmt_out": "pal8", "macro_block_size": 1,
+#: H.264 takes even sizes only.
+EVEN = "pad=ceil(iw/2)*2:ceil(ih/2)*2"
+GIF: dict[str, Any] = {"codec": "gif", "pix_fmt_out": "pal8",
                        "quality": None,
                        "output_params": ["-vf", GIF_FILTER, "-loop", "0", "-f", "gif"]}  # fmt: skip
-H264: dict[str, Any] = {"codec": "libx264", "quality": 8, "macro_block_size": 2,
-                        "output_params": ["-movflags", "+faststart", "-f", "mp4"]}  # fmt: skip
+H264: dict[str, Any] = {"codec": "libx264", "quality": 8,
+                        "output_params": ["-vf", EVEN, "-movflags", "+faststart",
+                                          "-f", "mp4"]}  # fmt: skip
 #: How far the camera of a film swings to either side, rad, and by which share of its distance it
 #: approaches in the middle.
 SWING_RAD, NEARER_SHARE = 0.20, 0.04
@@ -127,7 +131,12 @@ class Picture(ClosedAtExit):
 
     def image(self, camera: Camera | None = None) -> Any:
         """Return the picture (h, w, 3), 0 to 255, by default as the view's camera sees it."""
-        view, camera = self.view, camera or self.view.camera
+        with style_context(text__hinting="none"):  # letters are as wide as they are measured
+            return self.annotate(camera or self.view.camera)
+
+    def annotate(self, camera: Camera) -> Any:
+        """Render the picture that a camera sees with its caption, insets and labels."""
+        view = self.view
         sheet = DrawingSheet(self.expose(camera, view.look, self.turning), self.theme)
         note = factor_in_words(self.factor, self.turning) or view.note
         words = " \u00b7 ".join(part for part in (self.form.title, view.what, note) if part)
@@ -231,8 +240,10 @@ def write_film(
     form = GIF if path.suffix.lower() == ".gif" else H264
     still, count = picture.view.camera, len(film.states)
     with Whole(path) as temporary:
-        size, level = picture.form.size, "error"
-        writer = write_frames(str(temporary), size, fps=film.rate, ffmpeg_log_level=level, **form)
+        writer = write_frames(
+            str(temporary), picture.form.size, fps=film.rate, macro_block_size=1,
+            ffmpeg_log_level="error", **form,
+        )  # fmt: skip
         with closing(writer):
             writer.send(None)
             for n, state in enumerate(film.states):

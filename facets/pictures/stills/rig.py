@@ -174,16 +174,14 @@ class RigModel:
     def faces(self) -> Iterator[RigPart]:
         """Yield the detectors' faces for pictures from square on: silicon, ring and carrier."""
         for k, letter in enumerate(DETECTORS):
-            frame, (width, height) = (
-                replace(self.detector_frame(k), assembly=f"face {letter}"),
-                self.face(k),
-            )
-            for name, share, low in (
-                ("silicon", 1.0, 0.0),
-                ("ring", 1.06, 0.05),
-                ("carrier", 1.2, 0.1),
+            frame, (width, height) = self.detector_frame(k), self.face(k)
+            frame, most = replace(frame, assembly=f"face {letter}"), 1.2 * max(width, height)
+            for name, low, outline in (
+                ("silicon", 0.0, (width, height)),
+                ("ring", 0.05, (1.06 * width, 1.06 * height)),
+                ("carrier", 0.1, (most, most)),
             ):
-                plate = slab(rectangle(share * width, share * height), low, low + 0.04)
+                plate = slab(rectangle(*outline), low, low + 0.04)
                 yield frame.part(f"{name} {letter}", f"face {name}", plate)
 
     def support(self, k: int) -> Iterator[RigPart]:

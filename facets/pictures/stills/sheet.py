@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ...core.units import MICRO, Floats
-from .. import style
 from .camera import Camera
 from .exposure import Exposure
 from .materials import Theme
@@ -109,12 +108,11 @@ class DrawingSheet:
         height, width = picture.shape[:2]
         self.size, self.theme, self.unit = (width, height), theme, unit_of((width, height))
         self.taken: list[Box] = []
-        with style.style_context():
-            self.canvas: Any = FigureCanvasAgg(Figure((width / 72, height / 72), dpi=72))
-            self.canvas.figure.figimage(as_bytes(picture), zorder=-1)
-            self.axes: Any = self.canvas.figure.add_axes((0, 0, 1, 1))
-            self.axes.set(xlim=(0, width), ylim=(height, 0), autoscale_on=False)
-            self.axes.set_axis_off()
+        self.canvas: Any = FigureCanvasAgg(Figure((width / 72, height / 72), dpi=72))
+        self.canvas.figure.figimage(as_bytes(picture), zorder=-1)
+        self.axes: Any = self.canvas.figure.add_axes((0, 0, 1, 1))
+        self.axes.set(xlim=(0, width), ylim=(height, 0), autoscale_on=False)
+        self.axes.set_axis_off()
 
     def pixels(self) -> Any:
         """Return the picture with all that was drawn, (h, w, 3), 0 to 255."""
