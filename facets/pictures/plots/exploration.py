@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -58,7 +59,7 @@ def front_picture(
 
 
 def draw_views(
-    part: Any, views: list[tuple[str, ...]], others: Table, front: Table,
+    part: Any, views: Sequence[tuple[str, ...]], others: Table, front: Table,
     present: dict[str, float] | None,
 ) -> None:  # fmt: skip
     """Draw a panel for each view, in two columns."""
