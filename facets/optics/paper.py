@@ -32,12 +32,12 @@ def printed_reading(facet: LitFacet, ray: Path, sigma: float) -> tuple[float, fl
 
     beam = place(hit(at.place, facet.geometry.direction, at.apex, facet.normal))
 
-    def in_units(start: Vector) -> Plane:
+    def scaled_place(start: Vector) -> Plane:
         psi, zeta = place(start)
         return (psi - beam[0]) / units[0], (zeta - beam[1]) / units[1]
 
-    q = in_units(at.apex)
-    ends = [in_units(add(at.apex, edge)) for edge in facet.edges]
+    q = scaled_place(at.apex)
+    ends = [scaled_place(add(at.apex, edge)) for edge in facet.edges]
     first, second = (unit_vector((end[0] - q[0], end[1] - q[1])) for end in ends)
     if cross2(first, second) < 0:  # a mirror flips the wedge
         first, second = second, first
