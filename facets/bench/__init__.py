@@ -8,4 +8,11 @@ if TYPE_CHECKING:
     from . import rivals as rivals
     from . import table as table
 else:
-    __getattr__ = load_on_use(__name__, {"clock": "Contender cpu_seconds"})
+    __getattr__ = load_on_use(
+        __name__,
+        {
+            "clock": "Contender cpu_seconds",
+            "rivals": "has_compiler",
+            "table": "pose_ways reading_ways",
+        },
+    )

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from commands import command
 
-from facets.bench import Contender, cpu_seconds, rivals
+from facets.bench import Contender, cpu_seconds, has_compiler, pose_ways, reading_ways
 
 EXPORTED_C = "the exported C (gcc -O3 -march=native)"
 
@@ -17,7 +17,7 @@ def test_errors_are_those_of_rounding(tmp_path):
     """No times: machines are noisy. 1e-12 mm is 300 mm's rounding times a dozen steps."""
     done = command("bench", "--quick", "-d", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert ("gcc is not installed" in done.stdout) == (not rivals.has_compiler())
+    assert ("gcc is not installed" in done.stdout) == (not has_compiler())
     text = (tmp_path / "out/bench.csv").read_text()
     assert all(f"# {name}: " in text for name in ("processor", "numpy", "seed", "command"))
     table = pd.read_csv(tmp_path / "out/bench.csv", comment="#").set_index(["task", "way"])
@@ -28,18 +28,16 @@ def test_errors_are_those_of_rounding(tmp_path):
     assert readings["dblquad (as the paper)"] < 1e-10
     poses = table.loc["poses"]
     exact = poses[poses.index.str.startswith("facets") | (poses.index == EXPORTED_C)]
-    assert len(exact) == 5 + rivals.has_compiler()
+    assert len(exact) == 5 + has_compiler()
     assert (exact.error_mm < 1e-10).all()
     assert (exact.error_rad < 1e-12).all()
     assert (poses.error_mm < 1e-8).all()
 
 
 def test_without_a_compiler_the_exported_c_is_left_out(monkeypatch):
-    from facets.bench import table
-
-    assert EXPORTED_C in [way.name for way in table.pose_ways(5, 1)] or not rivals.has_compiler()
-    monkeypatch.setattr(table, "has_compiler", lambda: False)
-    for ways in (table.reading_ways(5, 1), table.pose_ways(5, 1)):
+    assert EXPORTED_C in [way.name for way in pose_ways(5, 1)] or not has_compiler()
+    monkeypatch.setattr("facets.bench.table.has_compiler", lambda: False)
+    for ways in (reading_ways(5, 1), pose_ways(5, 1)):
         assert EXPORTED_C not in [way.name for way in ways]
 
 
