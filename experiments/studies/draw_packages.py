@@ -172,7 +172,7 @@ def box(name: str, at: Place) -> str:
 
 def arrows_of(svg: str) -> set[Arrow]:
     """The arrows that a drawing shows."""
-    return set(re.findall(r'data-from="([a-z]+)" data-to="([a-z]+)"', svg))
+    return set(re.findall(r'data-from="(\w+)" data-to="(\w+)"', svg))
 
 
 if __name__ == "__main__":
