@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..core import POSE, Booleans, Floats
-from .frequency_response import (
-    FrequencyResponse,
-    low_pass,
-)
+from ..core import POSE, Booleans, Floats, unit_of
+from ..core.plain_numbers import short_number
+from .frequency_response import FrequencyResponse, low_pass
 
 if TYPE_CHECKING:
     from .signals import ResponseSignals
@@ -36,6 +34,9 @@ CLIPPED_SHARE, CLIPPED_RATIO = 1e-3, 8.0
 #: Share of rows with a residual beyond chance from which the model is doubted; of right poses one
 #: in 10,000 has such a one.
 MISFIT_SHARE = 1e-3
+#: Of twentieths of the recording, the zero moved if the means of the last two and of the first two
+#: differ by this many usual steps, and by this share of the motion's standard deviation.
+MOVED_STEPS, MOVED_SHARE = 8.0, 0.2
 #: What else lowers the coherence.
 POSSIBLE_CAUSES = (
     "another force, play or a non-linear spring, peaks narrower than the lines, a jump of the "
@@ -107,6 +108,7 @@ def find_limits(
         *input_limits(response, signals),
         *light_limits(signals),
         *misfit_limits(signals),
+        *zero_limits(signals),
         *leakage_limits(response, peaks),
         *silence_limits(response),
         *coherence_limits(response, peaks),
@@ -201,6 +203,27 @@ def misfit_limits(signals: ResponseSignals) -> Iterator[str]:
             "where one in 10,000 is expected: these poses do not fit the configuration, and the "
             "response holds only as far as they do. Likely cause: another power of the laser or "
             "place of the beam than configured, or a sensor that was not calibrated."
+        )
+
+
+def zero_limits(signals: ResponseSignals) -> Iterator[str]:
+    """A sentence on axes whose mean at the end is not that at the beginning."""
+    motion = signals.motion[signals.usable]
+    means = np.array([part.mean(axis=0) for part in np.array_split(motion, 20)])
+    apart = means[-2:].mean(axis=0) - means[:2].mean(axis=0)
+    usual = np.median(np.abs(np.diff(means, axis=0)), axis=0)
+    least = np.maximum(MOVED_STEPS * usual, MOVED_SHARE * motion.std(axis=0))
+    sizes = [
+        f"{axis} by {short_number(unit_of(axis).fine_factor * size)} {unit_of(axis).fine_unit}"
+        for axis, size, is_moved in zip(POSE, apart, np.abs(apart) > least, strict=True)
+        if is_moved
+    ]
+    if sizes:
+        yield (
+            f"The zero moved from the beginning to the end, {', '.join(sizes)}. Something slipped "
+            "or was touched, the temperature drifted, or a clamp creeps; the poses over time show "
+            "which. Of each segment the straight line is removed, so that a drift spoils only the "
+            "lowest lines; a jump spoils its segment."
         )
 
 

@@ -63,6 +63,14 @@ def test_a_good_record_has_no_limits_but_the_band_and_the_bandwidth():
     assert "-0.32 % and the phase by -4.6 degrees" in limits[1]
 
 
+def drift(force, motion):
+    motion[:, 0] += np.linspace(0, 0.1, COUNT)
+
+
+def slip(force, motion):
+    motion[COUNT // 3 :, 4] -= 1e-3
+
+
 def clip(force, motion):
     np.minimum(force, 0.8 * force.std(), out=force)
 
@@ -78,6 +86,8 @@ def silence(force, motion):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        (drift, "zero moved from the beginning to the end, tx by 90 µm."),
+        (slip, "zero moved from the beginning to the end, pitch by -1,000 µrad."),
         (clip, "clipped by its amplifier or converter"),
         (add_force, "The coherence of tz is below 0.75 in 100 % of the excited lines; the cause is"
                     " unknown (another force"),
