@@ -126,6 +126,7 @@ NEEDS = [
     ("pylsl", ["acquire", "bench", "--port", "file:board.bin", "--publish", "lsl:x"]),
     ("aiohttp", ["acquire", "bench", "--port", "file:board.bin", "--web", "0"]),
     ("nidaqmx", ["acquire", "bench", "--port", "ni:Dev1/ai0:11"]),
+    ("pylablib", ["acquire", "bench", "--port", "thorlabs:1,2,3"]),
     ("plotly", ["explore", "layout", "--report", "x.html"]),
     ("pyvista", ["render", "paper", "-o", "x.png"]),
     ("pyvista", ["render", "paper", "-o", "x.gltf"]),

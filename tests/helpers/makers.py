@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 Velocity = namedtuple("TVelocityParams", ["min_velocity", "acceleration", "max_velocity"])
+Readings = namedtuple("TQuadDetectorReadings", ["xdiff", "ydiff", "sum", "xpos", "ypos"])
 
 
 AcquisitionType = Enum("AcquisitionType", "FINITE CONTINUOUS")
@@ -148,6 +149,23 @@ class KinesisMotor:
         self.closed = True
 
 
+class KinesisQuadDetector:
+    """A controller with a head, whose readings are set by the test."""
+
+    volts: ClassVar = {}
+
+    def __init__(self, conn):
+        if conn not in self.volts:
+            raise RuntimeError(f"no device {conn}")
+        self.conn = conn
+
+    def get_readings(self):
+        return Readings(*self.volts[self.conn], 0.0, 0.0)
+
+    def close(self):
+        pass
+
+
 def install(monkeypatch):
     """Install the stand-ins in place of the packages."""
 
@@ -164,7 +182,9 @@ def install(monkeypatch):
         TerminalConfiguration=TerminalConfiguration,
     )
     module("nidaqmx.stream_readers", AnalogMultiChannelReader=AnalogMultiChannelReader)
-    thorlabs = types.SimpleNamespace(KinesisMotor=KinesisMotor)
+    thorlabs = types.SimpleNamespace(
+        KinesisMotor=KinesisMotor, KinesisQuadDetector=KinesisQuadDetector
+    )
     module("pylablib")
     module("pylablib.devices", Thorlabs=thorlabs)
     monkeypatch.setitem(sys.modules, "pylablib.devices.Thorlabs", thorlabs)

@@ -11,7 +11,7 @@ import pytest
 
 import facets
 from facets.core import AuxiliaryChannel
-from facets.detectors import readings_to_counts
+from facets.detectors import counts_to_xy_sum, readings_to_counts
 from facets.live import (
     ELECTRODES,
     FixedFrames,
@@ -30,6 +30,7 @@ CONFIG = facets.load("bench")
 ELECTRONICS = replace(CONFIG.electronics, adc_bits=16, adc_range=10.0)
 SENSOR = replace(CONFIG.sensor, electronics=ELECTRONICS)
 NAME = "ni:Dev1/ai0:11?rate=20000&bits=16&range=10"
+HEADS = "thorlabs:69000001,69000002,69000003?rate=1000"
 
 
 @pytest.fixture
@@ -97,9 +98,12 @@ def test_too_much_light_is_told_as_saturation(installed):
         ("ni:Dev1/ai0:11?rate=fast", PortInUse, "fast"),
         ("ni:Dev1/ai0:11?rate=-1", PortInUse, "positive"),
         ("ni:Dev1/ai0:11?terminal=what", PortInUse, "terminal=rse"),
+        ("thorlabs:1,2", PortInUse, "three controllers"),
+        ("thorlabs:1,2,3", PortError, "no device 1"),
     ],
 )
 def test_what_can_not_be_opened_is_told(installed, name, kind, words):
+    makers.KinesisQuadDetector.volts = {}
     with pytest.raises(kind, match=words):
         open_port(name, 0)
     check_missing(lambda: open_port(name, 0))
@@ -118,6 +122,21 @@ def test_a_card_that_goes_away_and_one_that_is_taken_are_told(installed, monkeyp
     monkeypatch.setattr(makers.Task, "start", refuse)
     with pytest.raises(PortInUse, match="reserved"):
         open_port(NAME, 0)
+
+
+def test_three_heads_give_the_pose_of_their_light(installed):
+    yaw, counts, _ = light(40)
+    volts = counts_to_xy_sum(ELECTRONICS, counts)[-1].reshape(3, 4)[:, :3] * (10 / 2**16)
+    numbers = ("69000001", "69000002", "69000003")
+    makers.KinesisQuadDetector.volts = dict(zip(numbers, volts, strict=True))
+    with open_port(HEADS, 0) as port:
+        data = port.read() + port.read()
+        makers.KinesisQuadDetector.volts = {}
+        with pytest.raises(PortError, match="went away"):
+            port.read()
+    poses = Pipeline(replace(CONFIG, sensor=SENSOR)).feed(data, 1.0)
+    assert poses.seq.tolist() == [0, 1]
+    np.testing.assert_allclose(poses.solution.state[:, 5], yaw[-1], atol=5e-6)
 
 
 def test_a_card_gives_the_permit_and_takes_the_heartbeat(installed):

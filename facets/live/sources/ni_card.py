@@ -124,21 +124,28 @@ class Card(ClosedAtExit):
         number = self.made + np.arange(count)
         self.made += count
         counts = counts_of_volts(volts[:CHANNELS].T, self.bits, self.full)
-        microseconds = np.round(1e6 * number / self.rate).astype(np.int64)
-        none = np.zeros(count, np.uint8)
-        return pack(
-            RawSamples(
-                none + np.uint8(ELECTRODES),
-                none,
-                (number % 2**32).astype(np.uint32),
-                (microseconds % 2**32).astype(np.uint32),
-                counts,
-                volts[CHANNELS:].T.astype(np.float32),
-            )
-        )
+        return frames_of(counts, number, 1e6 * number / self.rate, ELECTRODES, volts[CHANNELS:].T)
 
     def close(self) -> None:
         task, self.task = self.task, None
         if task is not None:
             with suppress(Exception):
                 task.close()
+
+
+def frames_of(
+    counts: Any, number: Any, microseconds: Any, kind: int, channels: Floats | None = None
+) -> bytes:
+    """Frames of counts (n, 12) with their numbers and times (n,), which wrap, and with auxiliary
+    channels (n, m)."""
+    none = np.zeros(len(counts), np.uint8)
+    return pack(
+        RawSamples(
+            none + np.uint8(kind),
+            none,
+            (number % 2**32).astype(np.uint32),
+            (np.round(microseconds).astype(np.int64) % 2**32).astype(np.uint32),
+            counts,
+            None if channels is None else channels.astype(np.float32),
+        )
+    )

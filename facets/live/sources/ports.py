@@ -23,7 +23,10 @@ from .source import MAX_READ_BYTES, POLL_S, PortError, PortInUse, Source
 #: Group of the entry points by which other packages bring ports.
 GROUP = "facets.sources"
 #: Entry points of the shipped sources that need an extra.
-SHIPPED = (EntryPoint("ni", "facets.live.sources.ni_card:Card", GROUP),)
+SHIPPED = (
+    EntryPoint("ni", "facets.live.sources.ni_card:Card", GROUP),
+    EntryPoint("thorlabs", "facets.live.sources.thorlabs_heads:Heads", GROUP),
+)
 #: The beginning of the names of ports that are benches in the process of a run, on its clock.
 VIRTUAL = "virtual:"
 #: Time between attempts to open a port, s.
