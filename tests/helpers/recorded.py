@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 from facets.experiments.studies import kills
 
 import facets
@@ -10,6 +12,11 @@ from facets.live import SIZE, Block, Pipeline, Recording
 
 CONFIG = facets.load("bench")
 BLOCKS, EACH = 12, 25
+
+
+def events_of(folder):
+    """The events of a recording."""
+    return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
 
 
 def record(folder, first=0, count=BLOCKS, close=True):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import replace
 from itertools import count
@@ -10,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from recorded import events_of
 from stage_world import stage_on
 
 import facets
@@ -17,6 +17,7 @@ from facets.core import Sine
 from facets.live import Pipeline, Run, RunOptions, recorded_poses, summary
 
 CONFIG = facets.load("bench")
+PORTS = ("--port", "bench/board", "--stage-port", "bench/stage")
 ZERO, ONES = (0.0,) * 8, (1.0,) * 8
 #: A circle with a radius of 4 mm, once in 4 s, whose light only a stage that follows keeps.
 CIRCLE = Sine(ZERO, (4.0, 4.0, *ZERO[2:]), ONES, (np.pi / 2, *ZERO[1:]), 400, 100.0)
@@ -48,10 +49,6 @@ def run_on(port, config=CONFIG, **options):
     return run
 
 
-def events_of(folder):
-    return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
-
-
 def test_a_stage_follows_on_a_busy_machine_and_nothing_is_late(tmp_path, busy):
     config = replace(CONFIG, motions={"circle": CIRCLE})
     run = run_on("virtual:circle,rate=500", config, track=True, seconds=2.0, folder=tmp_path / "r")
@@ -75,6 +72,23 @@ def test_a_stage_is_checked_on_a_busy_machine(busy):
     for axis in run.check.axes():
         assert axis.scale == pytest.approx(1.0, abs=1e-3)
         assert axis.delay == pytest.approx(CONFIG.stage.latency + CONFIG.stage.lag, abs=4e-3)
+
+
+def test_a_stage_must_be_checked_before_it_follows(tmp_path, run_in_process):
+    """`run_chain` follows a stage by the configuration that its check has written."""
+    (tmp_path / "mine.yaml").write_text("extends: bench\nstage: {step_um: 0.2}\n")
+    status, _, errors = run_in_process("acquire", "mine.yaml", "--track", *PORTS)
+    assert status == 2
+    assert "--check-stage" in errors
+    assert "is not the stage that is configured now" in errors
+    assert not (tmp_path / "recordings").exists()
+    status, output, errors = run_in_process(
+        "acquire", "mine.yaml", "--check-stage", "--port", "virtual:rest,rate=200,config=bench",
+        "--plain", "--write", "bad.yaml",
+    )  # fmt: skip
+    assert status == 1, output + errors
+    assert "correct stage.step_um" in errors
+    assert not (tmp_path / "bad.yaml").exists()
 
 
 def test_the_faults_of_a_board_are_those_that_the_run_counts():

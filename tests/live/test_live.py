@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import signal
 import threading
 import time
@@ -14,6 +15,7 @@ from commands import command
 from facets.experiments.studies import kills, soak
 from measured import measure
 from programs import Program, count_lines, size_of
+from recorded import events_of
 
 import facets
 from facets import BenchLight, Samples
@@ -44,10 +46,6 @@ motions:
   circle: {kind: sine, amplitude: {tx_mm: 4, ty_mm: 4}, phase_deg: {tx_mm: 90}, samples: 4000,
     rate_hz: 100}
 """
-
-
-def events_of(folder):
-    return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
 
 
 def end_of(folder):
@@ -324,14 +322,24 @@ def test_a_signal_while_a_recording_begins_leaves_none(tmp_path, acquire, monkey
     assert [path.name for path in tmp_path.iterdir()] == ["board.bin"]
 
 
-def test_a_full_disk_is_told_and_the_stream_is_read_to_its_end(tmp_path):
-    """By the system's own limit on the size of a file, in a process of its own."""
+@pytest.fixture
+def small_files():
+    """The system's own limit on the size of a file: 100 kB, without the board's."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_is_told_and_the_stream_is_read_to_its_end(
+    tmp_path, small_files, run_in_process
+):
     (tmp_path / "board.bin").write_bytes(DATA[: 3_000 * SIZE])
+    small_files()
     words = ("acquire", "bench", "--port", "file:board.bin", "--plain", "-d", "rec")
-    result = command(*words, cwd=tmp_path, limit=100_000)
-    assert result.returncode == 1, result.stderr
-    assert "3000 samples, 0.0000 % lost" in result.stdout
-    assert "cannot be written to: File too large" in result.stderr
-    result = command("replay", "rec", "--compare", cwd=tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
+    status, output, errors = run_in_process(*words)
+    assert status == 1, errors
+    assert "3000 samples, 0.0000 % lost" in output
+    assert "cannot be written to: File too large" in errors
+    status, output, errors = run_in_process("replay", "rec", "--compare")
+    assert status == 0, output + errors
     assert size_of(tmp_path / "rec" / "bytes.bin") > 60_000

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import pty
 import signal
@@ -16,6 +15,7 @@ import numpy as np
 import pytest
 from commands import PROGRAM
 from programs import Program, await_true, count_lines
+from recorded import events_of
 from streams import samples_of
 
 import facets
@@ -62,7 +62,7 @@ def test_a_stop_lasts_until_a_person_says_go_and_a_killed_run_stops_the_stage(tm
             await_moves()
             run.process.send_signal(signal.SIGKILL)
             run.end(None)
-        events = [json.loads(line) for line in path.read_text().splitlines()]
+        events = events_of(tmp_path / "rec")
         time.sleep(0.3)  # the board waits for a heartbeat for 0.1 s
         bench.end()
     names = [event["event"] for event in events]
@@ -70,23 +70,6 @@ def test_a_stop_lasts_until_a_person_says_go_and_a_killed_run_stops_the_stage(tm
     assert "move" not in after[: after.index("resume")]
     assert {event["by"] for event in events if event["event"] == "resume"} == {"SIGUSR1"}
     assert "because no heartbeat came" in bench.stdout
-
-
-def test_a_stage_must_be_checked_before_it_follows(tmp_path, run_in_process):
-    """`run_chain` follows a stage by the configuration that its check has written."""
-    (tmp_path / "mine.yaml").write_text("extends: bench\nstage: {step_um: 0.2}\n")
-    status, _, errors = run_in_process("acquire", "mine.yaml", "--track", *PORTS)
-    assert status == 2
-    assert "--check-stage" in errors
-    assert "is not the stage that is configured now" in errors
-    assert not (tmp_path / "recordings").exists()
-    status, output, errors = run_in_process(
-        "acquire", "mine.yaml", "--check-stage", "--port", "virtual:rest,rate=1000,config=bench",
-        "--plain", "--write", "bad.yaml",
-    )  # fmt: skip
-    assert status == 1, output + errors
-    assert "correct stage.step_um" in errors
-    assert not (tmp_path / "bad.yaml").exists()
 
 
 def test_bad_uses_of_the_check_are_refused(tmp_path, run_in_process):

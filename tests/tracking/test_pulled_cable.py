@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from functools import partial
 
 import pytest
 from programs import Program
+from recorded import events_of
 
 import facets
 from facets.live import Bench, BenchSetup, recorded_poses
@@ -58,8 +58,7 @@ def test_a_pulled_stage_is_told_and_the_recording_goes_on(tmp_path, bench):
         assert program.end(None) == 1, program.stderr
     assert "Traceback" not in program.stderr
     assert "the stage" in program.stderr + program.stdout
-    events = [json.loads(line) for line in (tmp_path / "rec/events.jsonl").read_text().splitlines()]
-    when = {event["event"]: event["monotonic"] for event in events}
+    when = {event["event"]: event["monotonic"] for event in events_of(tmp_path / "rec")}
     assert "stop not answered" in when
     poses = recorded_poses(tmp_path / "rec")
     assert len(poses["seq"]) >= SAMPLES

@@ -283,11 +283,17 @@ def test_no_run_resumes_by_itself_without_poses_and_a_search_is_announced():
     assert ("resume", {"by": "auto", "reason": "no fresh sample"}) in run.events
 
 
+@pytest.fixture
+def permit(tmp_path):
+    """A file that gives the permit."""
+    path = tmp_path / "permit"
+    path.write_text("1")
+    return path
+
+
 @pytest.mark.parametrize("content", ["", "0", "11"])
-def test_nothing_moves_without_the_permit(tmp_path, content):
-    permit = tmp_path / "permit"
-    if content:
-        permit.write_text(content)
+def test_nothing_moves_without_the_permit(permit, content):
+    permit.write_text(content)
     run = Run(permit=f"file:{permit}")
     run.go()
     run.resume()
@@ -297,18 +303,14 @@ def test_nothing_moves_without_the_permit(tmp_path, content):
     assert run.names == ["stop", "resume refused", "resume", "move"]
 
 
-def test_a_permit_in_a_file_outlives_the_program_that_wrote_it(tmp_path):
-    permit = tmp_path / "permit"
-    permit.write_text("1")
+def test_a_permit_in_a_file_outlives_the_program_that_wrote_it(permit):
     os.utime(permit, (0, 0))
     run = Run(permit=f"file:{permit}")
     run.go(count=9)
     assert run.names == ["move"] * 9
 
 
-def test_a_loss_of_the_permit_that_only_a_command_finds_stops_the_stage(tmp_path, monkeypatch):
-    permit = tmp_path / "permit"
-    permit.write_text("1")
+def test_a_loss_of_the_permit_that_only_a_command_finds_stops_the_stage(permit, monkeypatch):
     run, contents = Run(permit=f"file:{permit}"), iter([b"1", b"0"])
     monkeypatch.setattr(Path, "read_bytes", lambda _: next(contents, b"1"))
     run.go(count=2)
@@ -317,9 +319,7 @@ def test_a_loss_of_the_permit_that_only_a_command_finds_stops_the_stage(tmp_path
 
 
 @pytest.mark.parametrize("fault", ["watchdog", "permit", "stage", "end"])
-def test_a_stage_is_told_to_stop_before_anybody_else_hears_of_it(fault, tmp_path):
-    permit = tmp_path / "permit"
-    permit.write_text("1")
+def test_a_stage_is_told_to_stop_before_anybody_else_hears_of_it(fault, permit):
     run, heard = Run(permit=f"file:{permit}"), []
     run.go()
     run.port.sent.clear()
