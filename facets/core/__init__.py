@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .names import POSE as POSE
     from .names import STATE_COLUMNS as STATE_COLUMNS
     from .names import STATE_UNITS as STATE_UNITS
+    from .plain_numbers import short_number as short_number
     from .rigid_body import MIRROR as MIRROR
     from .rigid_body import MeasuredObject as MeasuredObject
     from .rigid_body import object_displacements as object_displacements

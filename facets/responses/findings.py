@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..core import POSE, Booleans, Floats, unit_of
-from ..core.plain_numbers import short_number
+from ..core import POSE, Booleans, Floats, short_number, unit_of
 from .frequency_response import FrequencyResponse, low_pass
 
 if TYPE_CHECKING:
