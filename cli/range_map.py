@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -38,12 +39,29 @@ if TYPE_CHECKING:
     from facets.core.units import Floats
 
 
+class Inside(StrEnum):
+    condition = "condition"
+    tx = "tx"
+    ty = "ty"
+    tz = "tz"
+    roll = "roll"
+    pitch = "pitch"
+    yaw = "yaw"
+
+
 Axes = Annotated[
     list[str] | None,
     typer.Option(
         metavar="AXIS,AXIS",
         help="Pair of axes to trace the range over, such as tx,ty; can be repeated.  "
         "[default: all 15 pairs]",
+    ),
+]
+Within = Annotated[
+    Inside | None,
+    typer.Option(
+        help="Quantity to draw inside the outlines: the standard uncertainty of this axis, or the "
+        "condition number of the Jacobian.  [default: none]"
     ),
 ]
 Grid = Annotated[
@@ -61,6 +79,7 @@ def range_map(
     axes: Axes = None,
     track: Track = False,
     at: At = None,
+    inside: Within = None,
     grid: Grid = 0,
     folder: Annotated[Path | None, folder_option("results/CONFIG-range")] = None,
     force: Force = False,
@@ -89,7 +108,12 @@ def range_map(
         report_outline(settings, rules, boundary, grid)
     with results.publish(settings) as (outlines, picture, _):
         results.write_table(outlines, characterization.tables.outline_columns(boundaries))
-        draw_beside(picture, pictures.ranges.ranges_picture, boundaries)
+        maps = [
+            characterization.outlines.map_inside(settings.sensor, rules, boundary, inside)
+            for boundary in boundaries
+            if inside
+        ]
+        draw_beside(picture, pictures.ranges.ranges_picture, boundaries, maps, inside or "")
         traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
         results.write_record({"tracking": rules.tracking, "points": traced})
     results.name()

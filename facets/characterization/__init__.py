@@ -20,7 +20,7 @@ else:
         __name__,
         {
             "ambiguity": "find_ambiguous_pair find_pair_in_box find_singular_state",
-            "outlines": "Boundary",
+            "outlines": "Boundary map_inside",
             "pose_density": "density_at_rest",
             "propagation": "MonteCarlo coverage_interval propagate_distributions tolerance",
             "ranges": "COARSE LIGHT PSD clearances scaled_jacobian",

@@ -1,4 +1,4 @@
-"""The outline of the range over two axes.
+"""The outline of the range over two axes, and maps of its inside.
 
 An outline is traced along rays from a place inside, to a tolerance, and rays are added until the
 outline between them has the same accuracy.
@@ -28,7 +28,10 @@ from .ranges import (
     clearances,
     determinant_signs,
     find_exits,
+    fine_slopes,
     require_inside,
+    scaled_jacobian,
+    standard_uncertainties,
     states_of,
 )
 
@@ -231,3 +234,23 @@ def count_correct_solutions(sensor: Sensor, states: Floats) -> int:
     solution = solve(sensor, readings(sensor, states), start=start, covariance=False)
     right = solution.converged & (np.abs(solution.state - states).max(axis=1) < 1e-6)
     return int(right.sum())
+
+
+def map_inside(
+    sensor: Sensor, rules: Rules, boundary: Boundary, what: str, count: int = 101
+) -> tuple[Floats, Floats, Floats]:
+    """A grid inside the outline as (x, y, values), NaN outside.
+
+    what: an axis, for its standard uncertainty, um or urad; or "condition", for the logarithm of
+    the condition number of the weighted Jacobian.
+    """
+    x, y, cause = cause_grid(sensor, rules, boundary, count)
+    states = states_of(boundary.poses(grid_points(x, y)[cause.ravel() < 0]), rules)
+    matrix = scaled_jacobian(sensor, states)
+    values = np.full(cause.shape, np.nan)
+    if what == "condition":
+        values[cause < 0] = np.log10(np.linalg.cond(matrix))
+    else:
+        fine = standard_uncertainties(matrix, fine_slopes(states, rules.object))
+        values[cause < 0] = fine[:, POSE.index(what)]
+    return x, y, values

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.characterization import COARSE, Estimator, clearances, resolve
+from facets.characterization import COARSE, Estimator, clearances, map_inside, resolve
 
 CONFIG = facets.load("paper")
 SENSOR = CONFIG.sensor
@@ -54,6 +54,9 @@ def test_an_outline_is_long_where_the_apex_stays_in_the_beam():
     for share, least, most in ((1, -0.05, 0.05), (0.99, 0, np.inf)):
         clear = clearances(SENSOR, mirror_of(share * moved, tip), CONFIG.range).min(axis=1)
         assert ((least < clear) & (clear < most)).all()
+    x, y, values = map_inside(SENSOR, rules, outline, "tx", count=21)
+    middle = uncertainties_at(outline.poses(np.array([[x[10], y[10]]])), tip)
+    assert values[10, 10] == pytest.approx(1e3 * middle[0, 0], rel=1e-6)
 
 
 def test_uncertainties_are_those_of_the_solver_at_the_point():

@@ -20,8 +20,8 @@ def test_a_range_map(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_map_with_the_beam_following(tmp_path):
-    way = ["--track", "--axes", "tx,ty", "--table", "parquet", "--plot", "svg"]
+def test_a_map_of_what_is_inside_with_the_beam_following(tmp_path):
+    way = ["--track", "--axes", "tx,ty", "--inside", "tz", "--table", "parquet", "--plot", "svg"]
     done = command("range-map", "paper", *way, "-d", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert len(pd.read_parquet(tmp_path / "out/outlines.parquet")) > 50

@@ -148,6 +148,7 @@ range-map paper --at tz_mm=1e300
 range-map paper --grid -1
 range-map paper -d FILE
 range-map paper -d LONG
+range-map paper --inside up
 resolution nowhere
 resolution paper -d FILE
 resolution paper --plot x

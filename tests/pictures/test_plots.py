@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import facets
+from facets.characterization import Boundary
 from facets.core import THEMES, chosen_style, use_style
-from facets.pictures import lay_out, motion_picture, plan_picture, style
+from facets.pictures import lay_out, motion_picture, plan_picture, ranges_picture, style
 
 #: A column of a journal, inches, and the least size of text that journals take in it, points.
 COLUMN, LEAST = 88 / 25.4, 5.0
@@ -96,6 +97,20 @@ def test_a_style_has_its_ground_and_its_hues(tmp_path, name):
     assert (pixels[0, 0] == pixels_of(THEMES[name].ground)).all()
     for hue in THEMES[name].detectors.values():
         assert (np.abs(pixels - pixels_of(hue)).max(axis=-1) < 5).sum() > 50, hue
+
+
+def test_maps_inside_ranges_have_one_scale_and_a_constant_is_written():
+    places = np.linspace(-1, 1, 5)
+    shape = np.stack([places, places**2], axis=1)
+    edge = Boundary(("tx", "yaw"), np.zeros(6), shape, np.zeros(5, int))
+    same, more, most = ((places, places, ends[0] + np.linspace(0, ends[1], 25).reshape(5, 5))
+                        for ends in ((2.37299, 8e-5), (1, 2), (2, 4)))  # fmt: skip
+    drawing = ranges_picture([edge] * 3, [same, more, most], "tx")
+    images = [panel.collections[-1] for panel in drawing.axes[1:3]]
+    assert [image.get_clim() for image in images] == [(1, 6), (1, 6)]
+    words = [text.get_text() for text, _ in texts_of(drawing)]
+    assert words.count("u(tx)\nis 2.37 µm\n\neverywhere\n") == words.count("u(tx), µm") == 1
+    assert len(ranges_picture([edge], [same], "tx").axes) == 1  # without a scale of one colour
 
 
 def test_a_motion_of_which_nothing_is_solved_says_so():

@@ -1,4 +1,4 @@
-"""Pictures of measurement ranges."""
+"""Pictures of measurement ranges and of values inside them."""
 
 from __future__ import annotations
 
@@ -22,12 +22,23 @@ if TYPE_CHECKING:
 DASHES = (
     "-", (0, (5, 1.5)), (0, (3, 1, 1, 1, 1, 1)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)),
 )  # fmt: skip
+#: Values inside a range that differ by no more than this share are written as one number, of three
+#: digits.
+SAME_SHARE = 5e-3
 #: Height of a panel in its widths, by the number of panels in a row.
 PANEL_HEIGHTS = {1: 0.8, 2: 0.85, 3: 0.92}
 
 
-def ranges_picture(boundaries: Sequence[Boundary]) -> Figure:
-    """Draw outlines coloured by cause, a panel each."""
+def ranges_picture(
+    boundaries: Sequence[Boundary],
+    inside: Sequence[tuple[Floats, Floats, Floats]] = (),
+    what: str = "",
+) -> Figure:
+    """Draw outlines coloured by cause, a panel each.
+
+    inside: for each, (x, y, values) of the map within, as of `map_inside`; or nothing at all.
+    what: the quantity of the maps.
+    """
     columns = min(len(boundaries), 3)
     rows = -(-len(boundaries) // columns)
     width = style.SINGLE if columns == 1 else style.FULL
@@ -38,6 +49,8 @@ def ranges_picture(boundaries: Sequence[Boundary]) -> Figure:
             panel.set_visible(False)
         for panel, boundary in zip(panels, boundaries, strict=False):
             outline(panel, boundary)
+        if inside:
+            map_values(picture, panels[: len(boundaries)], boundaries, inside, what)
         for cause in sorted({int(cause) for b in boundaries for cause in b.causes}):
             words = CAUSES[cause] if cause >= 0 else "end of the box"
             panels[0].plot([], [], label=words, **line_of(cause))
@@ -85,3 +98,39 @@ def runs(points: Floats, causes: Integers) -> Iterator[tuple[int, Floats]]:
     breaks = [0, *(np.flatnonzero(np.diff(causes)) + 1).tolist(), len(points)]
     for start, end in pairwise(breaks):
         yield int(causes[start]), closed[start : end + 1]
+
+
+def map_values(
+    picture: Figure,
+    panels: Any,
+    boundaries: Sequence[Boundary],
+    inside: Sequence[tuple[Floats, Floats, Floats]],
+    what: str,
+) -> None:
+    """Draw the maps of a quantity inside the ranges, in one scale of colours; write it where it is
+    the same everywhere."""
+    label, words = "log10 of the condition", "condition\nis $10^{{{:.3g}}}$\n\neverywhere\n"
+    if what != "condition":
+        unit = style.unit_of(what).fine_unit
+        label, words = f"u({what}), {unit}", f"u({what})\nis {{:.3g}} {unit}\n\neverywhere\n"
+    low, high = (
+        np.array([end.reduce(values, axis=None) for *_, values in inside])
+        for end in (np.fmin, np.fmax)
+    )
+    differs = high > (1 + SAME_SHARE) * low
+    image = None
+    for n, (panel, boundary, (x, y, values)) in enumerate(
+        zip(panels, boundaries, inside, strict=True)
+    ):
+        if differs[n]:
+            factors = [style.unit_of(axis).factor for axis in boundary.axes]
+            image = panel.pcolormesh(
+                factors[0] * x, factors[1] * y, values, cmap=style.ramp(), rasterized=True,
+                vmin=low[differs].min(), vmax=high[differs].max(),
+            )  # fmt: skip
+            panel.grid(visible=False)
+        else:
+            panel.text(0, 0, words.format(low[n]), ha="center", va="center", fontsize=style.LEAST)
+    if image is not None:
+        rows = panels[0].get_gridspec().nrows
+        style.colour_bar(picture, image, panels, label, aspect=25 * rows)
