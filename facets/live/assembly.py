@@ -175,6 +175,8 @@ class Run:
             again, and an empty recording is removed.
         """
         options = options or RunOptions()
+        if config.acquire.mark == "pps":
+            on_progress("acquire.mark: pps has no effect; leave it out of the configuration")
         port = require_port(port or config.acquire.port, "--port", "acquire.port")
         if options.moves_stage:
             refuse_board(config, port)
