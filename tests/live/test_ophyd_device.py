@@ -170,21 +170,6 @@ class Board:
         self.queue.put(rows)
 
 
-def test_samples_are_counted_while_more_come(monkeypatch):
-    from facets.live.streams import row_stream
-
-    rows = itertools.repeat(np.ones(1, SAMPLE), 20_000)
-    monkeypatch.setattr(row_stream.RowStream, "rows", lambda _: rows)
-    stream = row_stream.RowStream(BENCH, "board")
-    stream.keep()
-    counts = [0]
-    while not stream.ended:
-        counts.append(stream.count_since(1.0))
-    assert counts == sorted(counts)
-    assert stream.count_since(2.0) == 0
-    stream.close()
-
-
 def test_a_flight_holds_the_samples_of_its_interval_and_no_others(engine, documents, monkeypatch):
     board = Board(monkeypatch)
     board.send(time.monotonic() - 1.0)

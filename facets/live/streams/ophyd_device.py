@@ -93,7 +93,7 @@ class PoseSensor(
         self._stream: RowStream | None = None
         self._interval = Interval()
         self._row: Rows | None = None
-        self._begin = self._end = 0.0
+        self._end = 0.0
         self._left: int | None = None
         self._flying = False
         super().__init__(name=name)
@@ -129,17 +129,15 @@ class PoseSensor(
         if self._flying:
             raise FacetsError(f"{self.name}: is flying; complete the flight before a trigger")
         stream = await self._open()
-        now, rows = stream.keep(), np.empty(0, SAMPLE)
+        stream.keep()
         try:
-            while not len(rows):
-                await asyncio.to_thread(stream.wait, lambda: stream.held.count > 0)
-                rows = stream.take(1 if stream.patient else None)
-                if not len(rows):
-                    raise FacetsError(f"{self._address}: has ended; no more samples will come")
-                rows = rows if stream.patient else rows[rows["host_s"] >= now]
+            await asyncio.to_thread(stream.wait, lambda: stream.held.count > 0)
+            rows = stream.take(1)
         finally:
             stream.forget()
-        self._row = rows[:1]
+        if not len(rows):
+            raise FacetsError(f"{self._address}: has ended; no more samples will come")
+        self._row = rows
 
     async def read(self) -> dict[str, Reading[Any]]:
         """The sample of the last trigger. Raises where there was none."""
@@ -188,10 +186,10 @@ class PoseSensor(
         if self._flying:
             raise FacetsError(f"{self.name}: flies already")
         stream = await self._open()
-        self._begin = -np.inf if stream.patient else stream.keep()
+        stream.keep()
         stream.read_on()
         seconds = self._interval.seconds
-        self._end = np.inf if seconds is None or stream.patient else self._begin + seconds
+        self._end = np.inf if seconds is None or stream.patient else stream.held.begin + seconds
         self._left = self._interval.samples
         self._flying = True
 
@@ -221,7 +219,7 @@ class PoseSensor(
     def _is_whole(self, stream: RowStream) -> bool:
         if self._left is None:
             return bool(stream.newest > self._end)
-        return stream.count_since(self._begin) >= self._left
+        return stream.held.count >= self._left
 
     async def collect_pages(self) -> AsyncIterator[PartialEventPage]:
         """What came of the interval and was not collected yet, as event pages."""
@@ -240,12 +238,10 @@ class PoseSensor(
             )
 
     def _gather(self, stream: RowStream) -> Rows:
-        rows = stream.take(self._left if stream.patient else None)
-        flown: Rows = rows[(rows["host_s"] >= self._begin) & (rows["host_s"] <= self._end)]
+        rows = stream.take(self._left)
         if self._left is not None:
-            flown = flown[: self._left]
-            self._left -= len(flown)
-        return flown
+            self._left -= len(rows)
+        return rows[rows["host_s"] <= self._end]
 
     def _describe_configuration(self) -> dict[str, str]:
         body = self._config.object

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
@@ -36,13 +35,18 @@ def is_published(address: str) -> bool:
 
 
 class HeldRows:
-    """Rows in the order in which they came.  lost: number of rows that found no place."""
+    """Rows in the order in which they came, of samples taken at `begin` (host's clock, s) or later.
 
-    def __init__(self) -> None:
-        self.parts: deque[Rows] = deque()
+    lost: number of rows that found no place.
+    """
+
+    def __init__(self, begin: float) -> None:
+        self.begin = begin
+        self.parts: list[Rows] = []
         self.count = self.lost = 0
 
     def add(self, rows: Rows) -> None:
+        rows = rows[rows["host_s"] >= self.begin]
         if self.count + len(rows) > MAX_HELD_ROWS:
             self.lost += len(rows)
             return
@@ -51,21 +55,14 @@ class HeldRows:
 
     def take(self, most: int | None = None) -> Rows:
         """Remove and return the oldest rows: all, or at most `most`."""
-        parts: list[Rows] = []
-        room = self.count if most is None else most
-        while self.parts and room > 0:
-            rows = self.parts.popleft()
-            if len(rows) > room:
-                self.parts.appendleft(rows[room:])
-                rows = rows[:room]
-            parts.append(rows)
-            room -= len(rows)
-            self.count -= len(rows)
-        return np.concatenate(parts) if parts else np.empty(0, SAMPLE)
+        rows = np.concatenate(self.parts) if self.parts else np.empty(0, SAMPLE)
+        most = self.count if most is None else most
+        self.parts, self.count = [rows[most:]], max(self.count - most, 0)
+        return rows[:most]
 
 
 class RowStream:
-    """A thread that reads a stream from now on, and keeps the rows while `keeping` is on.
+    """A thread that reads a stream from now on, and keeps the rows that are asked for.
 
     patient: whether the source is a file, which is read only as fast as its rows are taken.
     newest: host's time of the newest sample, s.  ended: whether the stream has ended.
@@ -80,8 +77,7 @@ class RowStream:
         self.dtype = kept_dtype(config)
         self.patient = address.startswith("file:")
         self.ahead = AHEAD
-        self.held = HeldRows()
-        self.keeping = self.patient
+        self.held = HeldRows(-np.inf if self.patient else np.inf)
         self.newest, self.came = -np.inf, np.inf  # nothing is late before the port is open
         self.ended = False
         self.error: Exception | None = None
@@ -123,21 +119,18 @@ class RowStream:
         with self.news:
             while self.patient and self.held.count > self.ahead and not self.ending.is_set():
                 self.news.wait(0.1)
-            if self.keeping:
-                self.held.add(rows)
+            self.held.add(rows)
             self.newest = max(self.newest, float(rows["host_s"][-1]))
             self.came = time.monotonic()
             self.news.notify_all()
 
-    def keep(self) -> float:
-        """Keep the rows from now on; return this time on the host's clock, s."""
+    def keep(self) -> None:
+        """Keep the rows of samples that are taken from now on; of a file, all that are left."""
         with self.news:
-            if not self.patient:
-                self.held = HeldRows()
-            self.keeping = True
             now = time.monotonic()
+            if not self.patient:
+                self.held = HeldRows(now)
             self.came = now if np.isfinite(self.came) else self.came
-            return now
 
     def read_on(self) -> None:
         """Read a file on without waiting for its rows to be taken."""
@@ -149,7 +142,7 @@ class RowStream:
         """Stop keeping rows. The rows of a file wait until they are taken."""
         with self.news:
             if not self.patient:
-                self.keeping, self.held = False, HeldRows()
+                self.held = HeldRows(np.inf)
 
     def take(self, most: int | None = None) -> Rows:
         """Remove and return the oldest kept rows: all, or at most `most`."""
@@ -157,11 +150,6 @@ class RowStream:
             rows = self.held.take(most)
             self.news.notify_all()
             return rows
-
-    def count_since(self, begin: float) -> int:
-        """Count the kept samples from a time of the host's clock on, s."""
-        with self.news:
-            return sum(int((rows["host_s"] >= begin).sum()) for rows in self.held.parts)
 
     def wait(self, true: Callable[[], bool]) -> None:
         """Wait until a condition is true, or the stream has ended.
@@ -200,22 +188,17 @@ def kept_dtype(config: Config) -> np.dtype[np.void]:
     return sample_dtype(row_content(config))
 
 
-def same_columns(rows: Rows, dtype: np.dtype[np.void] = SAMPLE) -> Rows:
+def same_columns(rows: Rows, dtype: np.dtype[np.void]) -> Rows:
     """Rows with the columns of a dtype. Raises `FacetsError` where one is missing."""
     if rows.dtype == dtype:
         return rows
     names = dtype.names or ()
     lacks = [name for name in names if name not in (rows.dtype.names or ())]
-    if any("object_" in name for name in lacks):
-        raise FacetsError(
-            f"the publication has no {lacks[0]}, which the configuration's object needs: publish "
-            "with the same object (its configuration, or --point)"
-        )
     if lacks:
         raise FacetsError(
-            f"the publication has no {', '.join(lacks)}: it is of another version of facets, or "
-            "its configuration names other auxiliary channels (acquire.channels) or has no "
-            "covariance of a calibration (sensor.calibration)"
+            f"the publication has no {', '.join(lacks[:3])}: it is of another version of facets, "
+            "or its configuration names no such object (--point) or auxiliary channels "
+            "(acquire.channels), or has no covariance of a calibration (sensor.calibration)"
         )
     kept = np.empty(len(rows), dtype)
     for name in names:
