@@ -63,7 +63,7 @@ def compare(old: Columns, new: Columns) -> PoseComparison:
     apart, columns = np.zeros(len(rows), bool), []
     for name in [name for name in old if name in new] if len(rows) else ():
         recorded, replayed = old[name][solved], new[name][rows]
-        differs = (recorded != replayed) & ~(is_nan(recorded) & is_nan(replayed))
+        differs = ~np.isclose(recorded, replayed, rtol=0, atol=0, equal_nan=True)
         if differs.any():
             columns.append(name)
         apart |= differs
@@ -75,10 +75,6 @@ def compare(old: Columns, new: Columns) -> PoseComparison:
         largest_difference(old, new, np.flatnonzero(solved)[apart], rows[apart]),
         int(doubtful.min()) if len(doubtful) else None,
     )  # fmt: skip
-
-
-def is_nan(values: Any) -> Any:
-    return np.isnan(values) if values.dtype.kind == "f" else np.zeros(len(values), bool)
 
 
 def largest_difference(old: Columns, new: Columns, rows: Any, others: Any) -> float:
@@ -106,7 +102,8 @@ def comparison_sentences(
     seal, damage: those of the recording in `folder`.  version: the version of facets that recorded
     it.  config_name: name of the configuration that solved it again, unless the recording's own.
     """
-    lost = missing_poses(result, seal)
+    # poses that were written and cannot be read
+    lost = max(0, seal.poses - result.recorded) if seal else 0
     was_refused = bool(seal and seal.refused_bytes and not damage.words)
     losses = {
         f"{result.skipped} samples were skipped in the run and are solved now": result.skipped,
@@ -118,19 +115,10 @@ def comparison_sentences(
     sentences = [verdict(result, seal, lost), *(text for text, count in losses.items() if count)]
     sentences += difference_sentences(result, damage, version, config_name)
     is_whole = seal is not None and not lost and not damage.words
-    has_all = is_explained(result, seal, was_refused)
-    return sentences, is_whole and has_all and result.is_same
-
-
-def missing_poses(result: PoseComparison, seal: Seal | None) -> int:
-    """Number of poses that were written and cannot be read."""
-    return max(0, seal.poses - result.recorded) if seal else 0
-
-
-def is_explained(result: PoseComparison, seal: Seal | None, was_refused: bool) -> bool:
-    """Whether the disk refused what only the recording, or only the replay has."""
-    refused_poses = seal.refused_poses if seal else 0
-    return (was_refused or not result.absent) and (not result.unrecorded or refused_poses > 0)
+    is_explained = (was_refused or not result.absent) and (
+        not result.unrecorded or bool(seal and seal.refused_poses)
+    )
+    return sentences, is_whole and is_explained and result.is_same
 
 
 def verdict(result: PoseComparison, seal: Seal | None, lost: int) -> str:
