@@ -58,10 +58,13 @@ class ResultFolder:
         files.tables.write_table(path, columns, self.about | entry)
 
     def write_record(self, entries: dict[str, Any], seed: int | None = None) -> None:
-        """Write the record of the run; it comes last, because it states the duration."""
+        """Write last the record of the run, with its duration, and what the folder holds."""
         seed = self.seed if seed is None else seed
-        record = files.provenance.run_record(self.settings, seed, self.seconds, entries)
+        seconds = self.seconds
+        record = files.provenance.run_record(self.settings, seed, seconds, entries)
         files.whole.write_text(self.folder / "run.yaml", record)
+        about = files.provenance.provenance_header(self.settings, seed)
+        files.crate.write_crate(self.folder, self.paths, about, seconds)
 
     def name(self) -> None:
         """Print the last line of a command: the files that it wrote."""

@@ -19,7 +19,7 @@ def test_samples_searches_and_proves(tmp_path):
     assert result.returncode == 0, result.stderr
     assert "3000 above zero, 0 below" in result.stdout
     assert "proved: no two of them have the same readings" in result.stdout
-    names = "jacobian.png density.csv run.yaml certificate.json"
+    names = "jacobian.png density.csv run.yaml ro-crate-metadata.json certificate.json"
     assert {path.name for path in (tmp_path / "out").iterdir()} == set(names.split())
     assert json.loads((tmp_path / "out" / "certificate.json").read_text())["unique"]
 

@@ -30,7 +30,7 @@ def folder(tmp_path_factory) -> Path:
 
 def test_simulate_writes_readings_poses_picture_and_record(folder):
     results = folder / "results" / "paper"
-    names = ["motion.png", "poses.csv", "readings.csv", "run.yaml"]
+    names = ["motion.png", "poses.csv", "readings.csv", "ro-crate-metadata.json", "run.yaml"]
     assert sorted(file.name for file in results.iterdir()) == names
     assert (results / "motion.png").stat().st_size > 50_000
     record = (results / "run.yaml").read_text()

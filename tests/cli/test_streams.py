@@ -18,7 +18,7 @@ from facets.files.tables import refuse_to_overwrite
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="files and pipes of Unix")
 
 WORDS = ("simulate", "paper", "--motion", "yaw-sweep", "-d", "out")
-FILES = ["motion.png", "poses.csv", "readings.csv", "run.yaml"]
+FILES = ["motion.png", "poses.csv", "readings.csv", "ro-crate-metadata.json", "run.yaml"]
 
 
 def run_into(file, cwd):
@@ -64,7 +64,7 @@ def test_a_closed_stream_loses_nothing(tmp_path, closed):
         assert (done.returncode, "Traceback" in done.stderr) == (status, False), done.stderr
         assert "error" not in done.stdout
     made = sorted(file.name for file in (tmp_path / "r").iterdir())
-    assert made == ["budget.png", "resolution.csv", "run.yaml"]
+    assert made == ["budget.png", "resolution.csv", "ro-crate-metadata.json", "run.yaml"]
 
 
 def test_a_table_does_not_go_to_a_closed_output(monkeypatch):
