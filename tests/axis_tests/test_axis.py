@@ -24,7 +24,6 @@ from facets.axis_tests import (
     find_visits,
     match_stands,
     measure_error_motions,
-    measured_directions,
     read_commands,
     read_series,
     recorded_series,
@@ -122,12 +121,13 @@ def test_a_rotary_axis_beside_the_apex_has_no_error_but_its_own():
     np.testing.assert_allclose(motions.offset[:2], where[:2], atol=1e-3)
 
 
-def series(commands, seed):
+def series(commands, seed, turns=()):
     """An axis along z that goes to its positions, 3 mm from the table's zero, and stands at each
-    for 0.2 s."""
+    for 0.2 s, but at those where it turns."""
     rng = np.random.default_rng(seed)
     way = np.repeat(commands + 3 + rng.normal(0, 1e-4, len(commands)), 2)
-    knots = np.cumsum(np.tile([60, 200], len(commands)))
+    stands = np.where(np.isin(np.arange(len(commands)), turns), 1, 200)
+    knots = np.cumsum(np.column_stack([0 * stands + 60, stands]).ravel())
     states = np.zeros((knots[-1], 8))
     states[:, 2] = np.interp(np.arange(knots[-1]), knots, way)
     states[:, :6] += 1e-6 * rng.standard_normal((len(states), 6))
@@ -287,32 +287,15 @@ def test_stands_far_off_and_a_drift_there_and_back_are_named_and_left_out():
 
 
 def test_the_poses_say_from_which_side_a_position_was_approached():
-    """Equal commands in succession with an overrun between, which is no stand, and runs from below
-    whose return goes beyond their first position."""
-    for way, sides in (
-        ([-1, 0, 1, 1.5, 1, 2, 2.5, 2, 3], [0, 0, 1, 0, 1, 0]),
-        ([-1, 0, 1, 2, 3, -0.5, 0, 1, 2, 3], [0] * 8),
+    """Equal commands in succession with an overrun between, which is no stand; runs from below
+    whose return goes beyond their first position; and a recording that goes on beyond the last
+    command, over the end and to its target again."""
+    for way, turns, sides, strays in (
+        ([-1, 0, 1, 1.5, 1, 2, 2.5, 2, 3], [0, 3, 6], [0, 0, 1, 0, 1, 0], 0),
+        ([-1, 0, 1, 2, 3, -0.5, 0, 1, 2, 3], [0, 5], [0] * 8, 0),
+        ([-1, 0, 1, 2, 3, 2, 1, 0, -1, 0, 1], [0, 4, 8], [0, 0, 0, 1, 1, 1], 2),
     ):
-        way = np.array(way)
-        turns = np.isin(way, (-1, -0.5, 1.5, 2.5))
-        knots = np.cumsum(np.column_stack([np.full(len(way), 60), np.where(turns, 1, 200)]).ravel())
-        poses = series(np.zeros(1), 3)
-        states = np.zeros((knots[-1], 8))
-        states[:, 2] = np.interp(np.arange(knots[-1]), knots, np.repeat(way, 2))
-        states[:, :6] += 1e-6 * np.random.default_rng(1).standard_normal((len(states), 6))
-        none = np.zeros(len(states), bool)
-        poses = replace(poses, time=np.arange(len(states)) * 1e-3, states=states, misfit=none)
-        found, counts = visit(poses, way[~turns])
-        assert (counts.stray_stands, counts.missing) == (0, ())
+        way = np.array(way, float)
+        found, counts = visit(series(way, 3, turns), np.delete(way, turns)[: len(sides)])
+        assert (counts.stray_stands, counts.missing) == (strays, ())
         assert found.direction.tolist() == sides
-
-
-def test_of_two_stands_that_of_the_commanded_direction_belongs_to_the_command():
-    """A recording that goes on beyond the last command, over the end and to its target again."""
-    way = np.array([0.0, 1, 2, 3, 2, 1, 0, -1, 0, 1])
-    parts = [slice(10 * n, 10 * n + 10) for n in range(10) if n not in (3, 7)]  # turns without stop
-    directions = measured_directions(np.repeat(way, 10), parts)
-    assert directions.tolist() == [-1, 0, 0, 1, 1, 1, 0, 0]
-    places = np.delete(way, [3, 7])
-    commands = Commands(places[:6], np.array([0, 0, 0, 1, 1, 1]))
-    assert match_stands(places, commands, directions)[1].tolist() == [0, 1, 2, 3, 4, 5, -1, -1]

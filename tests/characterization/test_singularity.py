@@ -5,7 +5,6 @@ import pytest
 from sensors import SENSORS, states
 
 import facets
-from facets import InputError
 from facets.characterization import (
     apex_offset,
     direction_in_words,
@@ -42,12 +41,6 @@ def test_samples_are_in_the_box_and_in_chunks():
     assert 1 <= every[:, 0].min() < every[:, 0].max() <= 2
     assert (every[:, [1, 2, 3, 4]] == 0).all()
     assert apex_offset(every).max() <= 0.1 + 1e-12
-
-
-def test_a_bad_box_is_refused():
-    for text in ("txmm=1", "tx_mm=a", "tx_mm=1:2:3", "tx_mm=-1", "tx_mm"):
-        with pytest.raises(InputError, match="--box"):
-            parse_box(text)
 
 
 def test_dark_states_are_counted_not_measured():

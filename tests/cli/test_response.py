@@ -83,23 +83,6 @@ def test_a_recording_gives_the_responses_at_the_point_of_interest(run, tmp_path)
     assert np.abs(h1.iloc[0]) > 20 * lowest
 
 
-def check_late_channel(run, tmp_path):
-    """A channel that is sampled after the motion would turn the phase, and is corrected."""
-    (tmp_path / "late.yaml").write_text(MINE.replace("unit: N", "unit: N, delay_us: 2000"))
-    table = pd.read_csv("sim/poses.csv", comment="#")
-    table["force_n"] = np.roll(table["force_n"], -2)
-    table.to_csv("late.csv", index=False)
-    results = []
-    for source, config in (("late.csv", "late.yaml"), ("sim/poses.csv", "mine.yaml")):
-        words = ("--config", config, "--input", "force_n", "--resolution-hz", "1", "-d", config[:4])
-        assert run("response", source, *words)[0] == 0
-        results.append(pd.read_csv(f"{config[:4]}/response.csv", comment="#"))
-    late, right = results
-    lines = right["frequency_hz"].between(20, 90)
-    for name in ("h1_tz_real_um", "h1_tz_imag_um"):
-        assert late[name][lines].to_numpy() == pytest.approx(right[name][lines].to_numpy(), abs=2.0)
-
-
 @pytest.mark.slow
 def test_a_table_needs_a_configuration_times_and_the_input(run, tmp_path):
     assert run("simulate", "mine.yaml", "--motion", "shaken", "-d", "sim")[0] == 0
@@ -119,7 +102,6 @@ def test_a_table_needs_a_configuration_times_and_the_input(run, tmp_path):
     ):
         status, _, err = run(*words, *more)
         assert (status, text in err) == (2, True), err
-    check_late_channel(run, tmp_path)
     status, _, err = run("response", "sim/poses.csv", "--input", "force_n")
     assert (status, "a table needs --config CONFIG" in err) == (2, True)
     table = pd.read_csv("sim/poses.csv", comment="#").drop(columns="time_s")

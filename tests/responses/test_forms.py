@@ -54,6 +54,7 @@ def test_errors_and_noise_go_with_the_form():
     moved += 1e-4 * rng.standard_normal(moved.shape)
     stretches = find_stretches(np.arange(20_000) / 1000, np.ones(20_000, bool), "it")
     found = estimate_response(force, moved, stretches, 4, OutputChannel(np.full(6, 1e-4)))
+    assert response_table(found)["u_h1_yaw_urad"] == pytest.approx(1e6 * found.uncertainty[:, 5])
     turn = 2 * np.pi * found.frequency
     receptance, mobility, stiffness = (
         response_table(found.convert(FORMS[name]))

@@ -15,7 +15,6 @@ from facets.responses import (
     find_stretches,
     low_pass,
     noise_spectrum,
-    response_table,
 )
 from facets.simulation import receptance, shake
 
@@ -127,16 +126,6 @@ def test_partial_and_multiple_coherence_are_those_of_the_inverse_and_the_determi
         assert found.multiple_coherence[:, 0] == pytest.approx(multiple, rel=1e-9)
 
 
-def test_inputs_that_are_one_signal_are_refused(shaken):
-    force, moved = shaken
-    almost = force + 1e-3 * np.random.default_rng(1).standard_normal(len(force))
-    with pytest.raises(InputError, match="cannot be told apart"):
-        estimate_response(force, moved, even(len(force)), others=almost[:, None])
-    other = np.random.default_rng(2).standard_normal((len(force), 1))
-    with pytest.raises(InputError, match="cannot be told apart"):
-        estimate_response(force, moved, even(len(force)), others=np.hstack([other, 2 * other]))
-
-
 def test_the_noise_floor_is_what_noise_alone_gives(shaken):
     noise = NOISE * np.random.default_rng(8).standard_normal((BODY.samples, 3))
     found = estimate_response(shaken[0], noise, even(BODY.samples), 0.5, OutputChannel(NOISE))
@@ -235,24 +224,23 @@ def test_times_that_have_no_spectrum_are_refused():
 
 def test_what_cannot_be_estimated_is_refused(shaken):
     force, moved = shaken
-    for resolution in (0.02, 1e-6):  # the latter without the memory for it
-        with pytest.raises(InputError, match="Record for longer, or give a larger --resolution-hz"):
-            estimate_response(force, moved, even(len(force)), resolution)
-    for resolution in (0.0, -5.0, np.nan):
-        with pytest.raises(InputError, match="allowed: above 0"):
-            estimate_response(force, moved, even(len(force)), resolution)
-    usable = np.arange(len(force)) % 2 > 0
-    stretches = find_stretches(np.arange(len(force)) / RATE, usable, "it.csv")
-    with pytest.raises(InputError, match="gaps cut the rows into parts of 0 samples at most"):
-        estimate_response(force, moved, stretches)
-    with pytest.raises(InputError, match="the input does not change"):
-        estimate_response(np.ones(len(force)), moved, even(len(force)))
-
-
-def test_the_table_has_uncertainties_in_the_units_of_its_names(shaken):
-    force, moved = shaken
-    found = estimate_response(force, np.repeat(moved[:, :1], 6, axis=1), even(len(force)))
-    assert response_table(found)["u_h1_yaw_urad"] == pytest.approx(1e6 * found.uncertainty[:, 5])
+    rows, other = np.arange(len(force)), np.random.default_rng(2).standard_normal((len(force), 1))
+    cut = find_stretches(rows / RATE, rows % 2 > 0, "it.csv")
+    for words, given in {
+        "Record for longer, or give a larger --resolution-hz": [
+            {"resolution": 0.02}, {"resolution": 1e-6},  # the latter without the memory for it
+        ],
+        "allowed: above 0": [{"resolution": value} for value in (0.0, -5.0, np.nan)],
+        "gaps cut the rows into parts of 0 samples at most": [{"stretches": cut}],
+        "the input does not change": [{"stimulus": np.ones(len(force))}],
+        "cannot be told apart": [
+            {"others": force[:, None] + 1e-3 * other}, {"others": np.hstack([other, 2 * other])},
+        ],
+    }.items():  # fmt: skip
+        for changes in given:
+            whole = {"stimulus": force, "outputs": moved, "stretches": even(len(force)), **changes}
+            with pytest.raises(InputError, match=words):
+                estimate_response(**whole)
 
 
 def test_a_data_frame_s_input_has_the_delay_of_its_channel():

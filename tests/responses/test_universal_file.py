@@ -18,17 +18,31 @@ from facets.responses import (
 ABOUT = {"config": "shaker", "facets": "1", "made": "2026-11-23T05:32:23+00:00"}
 
 
-@pytest.mark.installed
-def test_a_file_has_nodes_directions_units_and_types(tmp_path):
+@pytest.fixture
+def written(tmp_path):
+    """Writes a universal file, and returns it as pyuff reads it."""
     pyuff = pytest.importorskip("pyuff")
-    rng, path = np.random.default_rng(1), tmp_path / "body.uff"
+
+    def write(sets, place):
+        write_universal_file(tmp_path / "body.uff", sets, place, ABOUT)
+        return pyuff.UFF(str(tmp_path / "body.uff"))
+
+    return write
+
+
+def estimate(stimulus, others=None):
     stretches = find_stretches(np.arange(4000) / 1000, np.ones(4000, bool), "it")
-    response = estimate_response(
-        rng.standard_normal(4000), rng.standard_normal((4000, 6)), stretches, 2.0
-    )
-    place = Node(7, (1.0, 0.0, 50.0))
-    write_universal_file(path, [(response, InputChannel("force_mn", 2, -3))], place, ABOUT)
-    file = pyuff.UFF(str(path))
+    moved = np.random.default_rng(2).standard_normal((4000, 6))
+    return estimate_response(stimulus, moved, stretches, 2.0, others=others)
+
+
+FORCES = np.random.default_rng(1).standard_normal((4000, 2))
+
+
+@pytest.mark.installed
+def test_a_file_has_nodes_directions_units_and_types(written):
+    response = estimate(FORCES[:, 0])
+    file = written([(response, InputChannel("force_mn", 2, -3))], Node(7, (1.0, 0.0, 50.0)))
     assert file.get_set_types().tolist() == [151, 164, 15, *[58] * 12]
     head, units, places, *functions = file.read_sets()
     assert (head["model_name"].strip(), head["program"].strip()) == ("shaker", "facets")
@@ -49,24 +63,16 @@ def test_a_file_has_nodes_directions_units_and_types(tmp_path):
 
 
 @pytest.mark.installed
-def test_forms_and_partial_coherences_say_what_they_are(tmp_path):
-    pyuff = pytest.importorskip("pyuff")
-    rng, path = np.random.default_rng(1), tmp_path / "body.uff"
-    stretches = find_stretches(np.arange(4000) / 1000, np.ones(4000, bool), "it")
-    forces, moved = rng.standard_normal((4000, 2)), rng.standard_normal((4000, 6))
-    both = [
-        (estimate_response(force, moved, stretches, 2.0, others=forces[:, [1 - n]]), name)
-        for n, (force, name) in enumerate(zip(forces.T, ("a_n", "b_n"), strict=True))
-    ]
-    sets = [(found.convert(FORMS["accelerance"]), InputChannel(name)) for found, name in both]
-    write_universal_file(path, sets, Node(1, (0.0, 0.0, 0.0)), ABOUT)
-    functions = pyuff.UFF(str(path)).read_sets()[3:]
+def test_forms_and_partial_coherences_say_what_they_are(written):
+    found = estimate(FORCES[:, 1], FORCES[:, :1])
+    sets = [(found.convert(FORMS["accelerance"]), InputChannel(name)) for name in ("a_n", "b_n")]
+    functions = written(sets, Node(1, (0.0, 0.0, 0.0))).read_sets()[3:]
     assert len(functions) == 24
     response, coherence = functions[14], functions[20]
     assert (response["ordinate_spec_data_type"], response["orddenom_spec_data_type"]) == (12, 13)
     assert response["ordinate_axis_units_lab"].strip() == "m/s^2"
     turn = 2 * np.pi * response["x"][2:]
-    assert response["data"][2:] == pytest.approx(-(turn**2) * both[1][0].h1[:, 2] / 1e3)
+    assert response["data"][2:] == pytest.approx(-(turn**2) * found.h1[:, 2] / 1e3)
     assert coherence["id1"].strip() == "Partial coherence of tz by b_n"
 
 

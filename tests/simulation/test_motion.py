@@ -41,19 +41,21 @@ def file(tmp_path):
     return tmp_path / "poses.csv"
 
 
-def test_a_table_is_read_in_its_units(file):
-    file.write_text("yaw_mrad,time_s,tx_mm\n1,0.5,0.1\n2,0.75,0.2\n")
-    time, state = states(Table(file, 1, 100.0), RNG)
-    assert time.tolist() == [0.5, 0.75]
-    assert state[:, 0].tolist() == [0.1, 0.2]
-    assert state[:, 5] == pytest.approx([0.001, 0.002])
-
-
-def test_a_table_without_times_takes_the_rate_and_may_stand_still_at_each_row(file):
-    file.write_text("tx_mm\n1\n2\n")
-    time, state = states(Table(file, 3, 100.0), RNG)
-    assert time == pytest.approx(np.arange(6) / 100)
-    assert state[:, 0].tolist() == [1, 1, 1, 2, 2, 2]
+@pytest.mark.parametrize(
+    ("text", "hold", "times", "tx", "yaw"),
+    [
+        ("yaw_mrad,time_s,tx_mm\n1,0.5,0.1\n2,0.75,0.2\n", 1, [0.5, 0.75],
+         [0.1, 0.2], [1e-3, 2e-3]),
+        ("tx_mm\n1\n2\n", 3, np.arange(6) / 100, [1, 1, 1, 2, 2, 2], [0] * 6),
+    ],
+)  # fmt: skip
+def test_a_table_has_its_units_and_its_times_or_the_rate_and_stands(
+    file, text, hold, times, tx, yaw
+):
+    file.write_text(text)
+    time, state = states(Table(file, hold, 100.0), RNG)
+    assert time == pytest.approx(times)
+    assert state[:, [0, 5]] == pytest.approx(np.stack([tx, yaw], axis=1))
 
 
 @pytest.mark.parametrize(
