@@ -190,7 +190,9 @@ def test_tracking_follows_a_circle_within_the_noise_until_a_signal(tmp_path, emu
 
 @pytest.mark.slow
 def test_a_board_is_waited_for_and_the_stage_never_moves_without_track(tmp_path, emulator):
-    (tmp_path / "waits.yaml").write_text("extends: bench\nacquire: {wait_seconds: 3600, mark: pps}\n")
+    (tmp_path / "waits.yaml").write_text(
+        "extends: bench\nacquire: {wait_seconds: 3600, mark: pps}\n"
+    )
     with Program("acquire", "waits.yaml", "--port", "bench/board", "--samples", "500", "--json",
                  "--no-record", cwd=tmp_path) as run:  # fmt: skip
         run.await_output("Waiting up to 3600 s")
