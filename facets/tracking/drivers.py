@@ -9,6 +9,7 @@ returns a `Driver`. Only the safety envelope opens drivers.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Protocol
 
@@ -106,5 +107,7 @@ def open_by_package(driver: EntryPoint, name: str, settings: Settings) -> Driver
     parts = (*PARTS, RESTORE_LIMITS) if settings.native_limits else PARTS
     lacks = [part for part in parts if not callable(getattr(opened, part, None))]
     if lacks:
+        with suppress(Exception):
+            opened.close()
         raise StageError(f"{name}: {driver.value} gives no driver: it has no {', '.join(lacks)}")
     return opened

@@ -140,6 +140,15 @@ def test_what_is_no_driver_is_told(mine, name, words):
         Envelope(name, replace(OTHER, native_limits=(1, 1)), print, mine.clock)
 
 
+def test_a_driver_with_a_missing_method_is_closed(mine, monkeypatch):
+    closed = []
+    monkeypatch.delattr(Mine, "emergency_stop")
+    monkeypatch.setattr(Mine, "close", lambda self: closed.append(self))
+    with pytest.raises(StageError, match="it has no emergency_stop"):
+        Envelope("mine:1", OTHER, print, mine.clock)
+    assert len(closed) == 1
+
+
 def test_a_kinesis_stage_needs_its_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "pylablib", None)
     with pytest.raises(StageError, match="needs pylablib"):
