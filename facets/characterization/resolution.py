@@ -103,6 +103,8 @@ def budgets(
     ['0%', '100%', '0%']
     """
     knowledge, eight = (how, False) if isinstance(how, Knowledge) else (how.knowledge, how.eight)
+    if not isinstance(knowledge, Knowledge):
+        raise InputError(f"the estimator's knowledge is {knowledge!r}; allowed: a facets.Knowledge")
     rows, shape = as_rows(states, 8, "states")
     parts = budgets_of_rows(sensor, rows, knowledge, eight, object)
     return parts.reshape(*shape, *parts.shape[1:])

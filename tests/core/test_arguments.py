@@ -136,6 +136,8 @@ def test_numbers_of_other_types_are_numbers():
         (lambda: facets.readings(SENSOR, REST, "exakt"), 'irradiance is \'exakt\'.*"exact"'),
         (lambda: facets.margins(SENSOR, REST, whole="no"), "whole is .* allowed: True or False"),
         (lambda: facets.solve(SENSOR, READING, beam=[0, 0]), 'beam is .*"known" or a Prior'),
+        (lambda: facets.budgets(SENSOR, REST, facets.Estimator("", "known")),
+         "knowledge is 'known'; allowed: a facets.Knowledge"),
         (lambda: facets.Prior((0, 0), np.nan), "sigma is nan; allowed: 0 or more"),
         (lambda: facets.add_noise(SENSOR, READING, 1), r"rng is the int 1; .*default_rng\(1\)"),
         (lambda: facets.Beam(power="0.3"), "power is the str '0.3'; allowed: a number"),
