@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...core.units import Floats
 from ...estimation.solution import Solution, Status
 from ..sources.clock import Sequence
-from ..sources.frames import POSE, RawSamples
+from ..sources.frames import RawSamples
 
 #: What a frame of the kind POSE holds in the place of the counts.
 SOLVED = np.dtype(
@@ -35,11 +35,6 @@ SOLVED = np.dtype(
 WAITING = 20_000
 #: Poses apart by more of the standard uncertainty than this are not of the same sensor.
 ALIKE = 0.1
-
-
-def is_pose(samples: RawSamples) -> NDArray[np.bool_]:
-    are_poses: NDArray[np.bool_] = samples.kind == POSE
-    return are_poses
 
 
 def board_solution(samples: RawSamples) -> NDArray[np.void]:
@@ -119,11 +114,6 @@ class BoardPoses:
         self.worst = max(self.worst, float(share.max()))
         self.apart += int((share > ALIKE).sum())
 
-    @property
-    def alike(self) -> bool:
-        """Whether the board solves as this program does: all but one in a thousand."""
-        return self.apart + self.statuses <= 1e-3 * self.compared
-
     def sentence(self) -> str:
         """The sentence for the end of a run; empty if the board sent no pose."""
         if not self.came:
@@ -135,11 +125,13 @@ class BoardPoses:
         )
 
     def trouble(self) -> str:
-        """The sentence on poses that differ from those solved here; empty if they are alike."""
-        if self.alike:
+        """The sentence on poses that differ from those solved here; empty if all but one in a
+        thousand are alike."""
+        count = self.apart + self.statuses
+        if count <= 1e-3 * self.compared:
             return ""
         return (
-            f"{self.apart + self.statuses} of {self.compared} poses of the board differ from those "
+            f"{count} of {self.compared} poses of the board differ from those "
             "that are solved here: check whether its code was exported for another sensor or "
             "calibration, and whether `solve` knows more about the beam or its power than the "
             "board"
@@ -149,7 +141,7 @@ class BoardPoses:
         """Return the faults of a comparison on request; none if the poses are alike."""
         if not self.compared:
             return ["the board sent no pose that could be compared."]
-        return [] if self.alike else [self.trouble()]
+        return list(filter(None, [self.trouble()]))
 
     def values(self) -> dict[str, Any]:
         return {"came": self.came, "compared": self.compared, "worst_u": self.worst}

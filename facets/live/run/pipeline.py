@@ -29,8 +29,8 @@ from ...estimation.tally import Tally
 from ...estimation.uncertainty import unseen_errors
 from ...estimation.zero import PoseColumns
 from ...tracking.encoder import MAX_EXTRAPOLATION_S, Encoder
-from ..sources.frames import MARK, OVERRUN, PERMIT, XY_SUM, RawSamples, parser
-from .board_poses import BoardPoses, is_pose
+from ..sources.frames import MARK, OVERRUN, PERMIT, POSE, XY_SUM, RawSamples, parser
+from .board_poses import BoardPoses
 from .doubts import Doubts, Trust
 from .sample_times import SampleTimes
 
@@ -198,7 +198,7 @@ class Pipeline:
         """Return the samples that a block completes, in batches to be solved, in order."""
         breaks = self.sequence.breaks
         came = self.parser.feed(block)
-        solved = is_pose(came)
+        solved = came.kind == POSE
         poses = came.where(solved) if solved.any() else None
         samples, seq, time = self.sequence.follow(
             came if poses is None else came.where(~solved), arrival
