@@ -76,6 +76,11 @@ class Live:
         return min(self.clock(), self.end)
 
     @property
+    def passed(self) -> float:
+        """The time since the run began, s; above 0."""
+        return max(self.now - self.begin, 1e-9)
+
+    @property
     def silence(self) -> float:
         """For how long the board has been silent by now, s; 0 where samples come as usual."""
         has_begun = not isnan(self.last)
@@ -133,9 +138,7 @@ class Live:
         if not self.pipeline.doubts.said and self.pipeline.tally.misfit.is_mostly_flagged:
             sentences.append("most poses have a residual beyond chance: do not trust them")
         sentences += self.pipeline.doubts.said
-        if self.pipeline.board.trouble():
-            sentences.append(self.pipeline.board.trouble())
-        return sentences
+        return [*sentences, *filter(None, [self.pipeline.board.trouble()])]
 
     def values(self) -> dict[str, Any]:
         """Return the values that the sinks report, by their names, in JSON's types."""

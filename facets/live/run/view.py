@@ -18,22 +18,32 @@ from ...estimation.solution import LABELS, UNCERTAINTY_PARTS, Status
 from ...tracking.control import tracking_error
 from .live import Live
 from .loop import CLOCK_MOVED
-from .pipeline import FLAGS, RunPoses
+from .pipeline import FLAGS, Pipeline, RunPoses
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rich.console import Console, ConsoleOptions
 
+#: A count or another value, with its unit.
+Item = dict[str, Any]
+
+
+def item(name: str, value: Any, unit: str = "", why: str = "", bad: bool = False) -> Item:
+    """why: the reason where the value is None.  bad: whether a person should look at it."""
+    if isinstance(value, float):
+        value = round_digits(value)
+    return {"name": name, "value": value, "unit": unit, "why": why if value is None else "",
+            "bad": bad}  # fmt: skip
+
 
 def values(live: Live) -> dict[str, Any]:
     """The newest sample and the counts so far, in the units that people see."""
-    passed = max(live.now - live.begin, 1e-9)
     sequence, tally, parser = live.pipeline.sequence, live.pipeline.tally, live.pipeline.parser
     entries: dict[str, Any] = {
-        "seconds": round(passed, 3),
+        "seconds": round(live.passed, 3),
         "samples": tally.samples,
-        "rate_hz": round(tally.samples / passed, 1),
+        "rate_hz": round(tally.samples / live.passed, 1),
         "lost": sequence.lost,
         "loss": round(live.loss, 6),
         "silent_s": round(live.silence, 3),
@@ -232,7 +242,7 @@ class Screen:
         now = values(self.live)
         yield pose_table(now)
         yield detector_table(self.live)
-        yield from lower_lines(now)
+        yield from lower_lines(self.live, now)
 
 
 def terminal_hues() -> Hues:
@@ -272,27 +282,56 @@ def object_rows(now: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
         )
 
 
-def counts(now: dict[str, Any]) -> list[tuple[str, str, bool]]:
-    """Return the counts of the stream: (name, value, whether it needs a look)."""
-    latency = now["latency_p99_ms"]
-    faults = ("lost", "corrupt", "unsolved", "late", "skipped")
+def stream_counts(pipeline: Pipeline) -> list[Item]:
+    """How many samples came, and what was wrong with them."""
+    tally, sequence, parser = pipeline.tally, pipeline.sequence, pipeline.parser
+    total = tally.samples + sequence.lost
+    share = f" ({100 * sequence.lost / total:.3g} %)" if sequence.lost else ""
+    items = [
+        item("samples", tally.samples),
+        item("lost", f"{sequence.lost}{share}", bad=sequence.lost > 0),
+        item("frames refused", parser.corrupt, bad=parser.corrupt > 0),
+        item("bytes passed over", parser.skipped, bad=parser.skipped > 0),
+        item(
+            "without a pose",
+            tally.unsolved_count - tally.skipped_count,
+            bad=tally.unsolved_count > tally.skipped_count,
+        ),
+        item("beyond chance", tally.misfit.flagged, bad=tally.misfit.is_mostly_flagged),
+    ]
+    items += [item(name, count, bad=True) for name, count in tally.flags.items() if count]
+    if sequence.doubled:
+        items.append(item("came twice", sequence.doubled, bad=True))
+    if sequence.restarts:
+        items.append(item("restarts", sequence.restarts, bad=True))
+    return items
+
+
+def run_counts(live: Live) -> list[Item]:
+    """The counts of the stream, and how the loop keeps up."""
+    tally = live.pipeline.tally
+    skipped = tally.skipped_count
+    unknown = "no sample is solved yet, or the source is a file or virtual"
     return [
-        ("samples", f"{now['samples']}, {now['rate_hz']:.0f}/s", False),
-        *((name, str(now[name]), now[name] > 0) for name in faults),
-        ("backlog", str(now["backlog"]), False),
-        ("p99", "-" if latency is None else f"{latency:.1f} ms", False),
+        item("mean rate", tally.samples / live.passed, "1/s"),
+        *stream_counts(live.pipeline),
+        item("latency p99", 1e3 * live.latency_p99(), "ms", unknown),
+        item("waiting", live.backlog, "samples", bad=live.behind),
+        item("solved late", live.late, bad=live.late > 0),
+        item("left to a replay", skipped, bad=skipped > 0),
     ]
 
 
-def lower_lines(now: dict[str, Any]) -> Iterator[Any]:
+def lower_lines(live: Live, now: dict[str, Any]) -> Iterator[Any]:
     """Yield the lines under the tables: counts, of which those that need a look stand out, and
     messages."""
     from rich.text import Text
 
     alarm = f"bold {terminal_hues().alarm}"
     words = Text()
-    for name, value, bad in counts(now):
-        words.append(f"{name} {value}", alarm if bad else "")
+    for entry in run_counts(live):
+        value = "-" if entry["value"] is None else entry["value"]
+        words.append(f"{entry['name']} {value} {entry['unit']}".rstrip(), alarm * entry["bad"])
         words.append("   ")
     yield words
     for line in more(now):
@@ -350,5 +389,3 @@ def more(now: dict[str, Any]) -> Iterator[str]:
         )
     for target in now.get("published", ()):
         yield f"{target['address']}: {target['sent']} published, {target['dropped']} dropped"
-    if now["flags"]:
-        yield ", ".join(f"{count} {name}" for name, count in now["flags"].items())

@@ -10,33 +10,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...tracking.control import tracking_error
-from ..run.view import round_digits
+from ..run.view import Item, item, round_digits, run_counts, stream_counts
 
 if TYPE_CHECKING:
     from ...tracking.tracker import Tracker
     from ..run.live import Live
     from ..run.pipeline import Pipeline, RunPoses
 
-Item = dict[str, Any]
-
-
-def item(name: str, value: Any, unit: str = "", why: str = "", bad: bool = False) -> Item:
-    """why: the reason where the value is None.  bad: whether a person should look at it."""
-    if isinstance(value, float):
-        value = round_digits(value)
-    return {"name": name, "value": value, "unit": unit, "why": why if value is None else "",
-            "bad": bad}  # fmt: skip
-
 
 def status_of(live: Live) -> dict[str, Any]:
     """Return the status of a run that goes on."""
-    passed = max(live.now - live.begin, 1e-9)
     pipeline = live.pipeline
     return {
-        "seconds": round(passed, 3),
+        "seconds": round(live.passed, 3),
         "messages": live.messages(),
         "events": events(pipeline) | {"reconnected": live.reconnects},
-        "counts": [mean_rate(pipeline, passed), *counts(pipeline), *loop_counts(live)],
+        "counts": run_counts(live),
         "clock": clock(pipeline),
         "stage": stage(live.tracker, live.current),
         "published": [
@@ -55,7 +44,7 @@ def status_of_replay(pipeline: Pipeline, seconds: float) -> dict[str, Any]:
         "seconds": round(seconds, 3),
         "messages": [text for text in messages if text],
         "events": events(pipeline),
-        "counts": counts(pipeline),
+        "counts": stream_counts(pipeline),
         "clock": clock(pipeline),
         "stage": {"there": False, "why": "a replay moves nothing"},
         "published": [],
@@ -72,46 +61,6 @@ def events(pipeline: Pipeline) -> dict[str, int]:
         "restarts of the board": pipeline.sequence.restarts,
         **{name: count for name, count in flags.items() if name.startswith("marked")},
     }
-
-
-def mean_rate(pipeline: Pipeline, passed: float) -> Item:
-    return item("mean rate", pipeline.tally.samples / passed, "1/s")
-
-
-def counts(pipeline: Pipeline) -> list[Item]:
-    tally, sequence, parser = pipeline.tally, pipeline.sequence, pipeline.parser
-    total = tally.samples + sequence.lost
-    share = f" ({100 * sequence.lost / total:.3g} %)" if sequence.lost else ""
-    items = [
-        item("samples", tally.samples),
-        item("lost", f"{sequence.lost}{share}", bad=sequence.lost > 0),
-        item("frames refused", parser.corrupt, bad=parser.corrupt > 0),
-        item("bytes passed over", parser.skipped, bad=parser.skipped > 0),
-        item(
-            "without a pose",
-            tally.unsolved_count - tally.skipped_count,
-            bad=tally.unsolved_count > tally.skipped_count,
-        ),
-        item("beyond chance", tally.misfit.flagged, bad=tally.misfit.is_mostly_flagged),
-    ]
-    items += [item(name, count, bad=True) for name, count in tally.flags.items() if count]
-    if sequence.doubled:
-        items.append(item("came twice", sequence.doubled, bad=True))
-    if sequence.restarts:
-        items.append(item("restarts", sequence.restarts, bad=True))
-    return items
-
-
-def loop_counts(live: Live) -> list[Item]:
-    """How the loop keeps up."""
-    skipped = live.pipeline.tally.skipped_count
-    unknown = "no sample is solved yet, or the source is a file or virtual"
-    return [
-        item("latency p99", 1e3 * live.latency_p99(), "ms", unknown),
-        item("waiting", live.backlog, "samples", bad=live.behind),
-        item("solved late", live.late, bad=live.late > 0),
-        item("left to a replay", skipped, bad=skipped > 0),
-    ]
 
 
 def clock(pipeline: Pipeline) -> list[Item]:
