@@ -100,7 +100,7 @@ class StageMachine(RuleBasedStateMachine):
 
 
 @pytest.mark.parametrize(
-    "count", [1000] if IS_STUDY else [15, pytest.param(100, marks=pytest.mark.slow)]
+    "count", [1000] if IS_STUDY else [15, pytest.param(60, marks=pytest.mark.slow)]
 )
 def test_no_sequence_of_faults_takes_the_stage_out_of_its_envelope(count):
     tally = Tally()
