@@ -17,8 +17,8 @@ SPAN = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
 FILE = re.compile(r"\.(bin|csv|html|json|md|parquet|png|py|yaml)$")
 #: Names of other packages and programs, of a reader's own code, and of the fields of a frame.
 ELSEWHERE = {
-    "aligned", "bps", "collect_while_completing", "fromfile", "git", "h5read", "make", "merge_asof",
-    "open_daq", "t_us",
+    "aligned", "bps", "collect_while_completing", "fish", "fromfile", "git", "h5read", "make",
+    "merge_asof", "open_daq", "t_us", "zsh",
 }  # fmt: skip
 #: Columns whose names the code puts together.
 COLUMNS = re.compile(
