@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 
 from commands import command
 
@@ -57,18 +55,3 @@ def test_list_names_what_is_shipped(tmp_path):
         "bench", "bench-drift", "bench-light", "catalogue", "fig4", "layout", "market", "paper",
         "parts", "rig", "shaker", "singular", "skewed", "stage-test", "tilt-stage",
     ]  # fmt: skip
-
-
-def test_an_interrupt_ends_with_status_130_and_no_traceback(tmp_path):
-    code = (
-        "import sys, facets.cli\n"
-        "def wait(): raise KeyboardInterrupt\n"
-        "facets.cli.app.command('wait')(wait)\n"
-        "sys.argv = ['facets', 'wait']\n"
-        "facets.cli.main()"
-    )
-    result = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert result.returncode == 130
-    assert "Traceback" not in result.stderr

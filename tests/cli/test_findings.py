@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-import pytest
 
 import facets
+from facets.calibration import read
 from facets.core import READING_COLUMNS, STATE_COLUMNS
 
 DARK = "extends: paper\nsensor: {beam: {power_mw: 1.0e-300}}\nmotions: {x-steps: {steps: 3}}\n"
@@ -50,22 +50,11 @@ def test_an_estimated_beam_is_not_taken_for_a_known_one(run_in_process, tmp_path
         assert "first.csv:2: bx_mm is an estimate (u_bx_mm beside it is" in err
     assert "still" in err
     assert [path.name for path in tmp_path.iterdir()] == ["first.csv"]
+    (tmp_path / "still.yaml").write_text("extends: paper\ncalibrate: {beam: still}\n")
+    assert (read(tmp_path / "first.csv", facets.load("still.yaml").calibrate).beam == 0).all()
     assert run_in_process("solve", "paper", "first.csv", "-o", "p.csv", "--beam", "free")[0] == 0
     poses_of_estimates(tmp_path / "known.csv", "known")
     assert run_in_process("solve", "paper", "known.csv", "-o", "q.csv", "--beam", "known")[0] == 0
-
-
-def test_a_beam_that_stood_still_is_said_so_in_the_configuration(tmp_path):
-    from dataclasses import replace
-
-    from facets.calibration import read
-
-    poses_of_estimates(tmp_path / "first.csv", "free")
-    (tmp_path / "still.yaml").write_text("extends: paper\ncalibrate: {beam: still}\n")
-    settings = facets.load(tmp_path / "still.yaml").calibrate
-    assert (read(tmp_path / "first.csv", settings).beam == 0).all()
-    with pytest.raises(facets.core.errors.InputError, match="is an estimate"):
-        read(tmp_path / "first.csv", replace(settings, beam="given"))
 
 
 def test_a_fit_that_noise_can_not_make_is_a_finding(run_in_process, tmp_path):

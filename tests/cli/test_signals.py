@@ -60,6 +60,7 @@ def test_solve_leaves_no_hidden_file(tmp_path, number):
         assert program.end(number) == STATUS[number]
     assert [file.name for file in tmp_path.iterdir()] == ["readings.csv"]
     assert "interrupted" in program.stderr
+    assert "Traceback" not in program.stderr
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads processor time in /proc")

@@ -76,10 +76,3 @@ def test_a_failure_that_nobody_expected_is_a_traceback(tmp_path):
     result = run(sys.executable, "-c", code, cwd=tmp_path)
     assert result.returncode == 1
     assert "ZeroDivisionError" in result.stderr
-
-
-def test_importing_facets_does_not_import_numpy(tmp_path):
-    result = run(
-        sys.executable, "-c", "import sys, facets; print('numpy' in sys.modules)", cwd=tmp_path
-    )
-    assert result.stdout.strip() == "False"
