@@ -48,7 +48,7 @@ _NAMES_OF = {
     "sources.ports": "DatagramPort PortError PortInUse open_port",
     "streams.sample_rows": "SAMPLE row_content rows_of sample_dtype",
     "virtual": "Bench BenchSetup Faults Pty truth_of",
-    "virtual.stages": "PiController ZaberDevice",
+    "virtual.stages": "CONTROLLERS PiController ZaberDevice",
     "web.page": "WebPage",
     "web.status": "stage status_of",
 }

@@ -7,7 +7,7 @@ __getattr__ = load_on_use(
         "check": "SLACK_MM STEP_MM StageCheck",
         "contract": "check_driver",
         "control": "Law ControlInput margin_of pull_of slope_of_error tracking_error",
-        "drivers": "open_driver",
+        "drivers": "DRIVERS open_driver",
         "encoder": "Encoder",
         "envelope": "Envelope stopping_time",
         "interlock": "BoardPermit ENABLE_S Heartbeat close_line heartbeat_frame open_permit",

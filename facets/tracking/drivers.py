@@ -22,6 +22,8 @@ from .zaber import Zaber
 
 #: Group of the entry points by which other packages provide drivers.
 GROUP = "facets.stages"
+#: Drivers of this package on serial lines, by `stage.driver`.
+DRIVERS: dict[str, type[Zaber | Pi]] = {"zaber": Zaber, "pi": Pi}
 #: Drivers of this package that need an extra.
 SHIPPED = (EntryPoint("kinesis", "facets.tracking.kinesis:open_kinesis", GROUP),)
 PARTS = ("prepare", "place", "move", "stop", "emergency_stop", "close")
@@ -72,10 +74,8 @@ def open_driver(port: Any, settings: Settings, clock: Callable[[], float]) -> Dr
     port: an open port like pyserial's; for `stage.driver: other` its name. Raises `StageError` if
     no driver has that name.
     """
-    if settings.driver == "zaber":
-        return Zaber(Line(port, clock), settings)
-    if settings.driver == "pi":
-        return Pi(Line(port, clock), settings)
+    if settings.driver in DRIVERS:
+        return DRIVERS[settings.driver](Line(port, clock), settings)
     return open_by_package(driver_of(str(port)), str(port), settings)
 
 

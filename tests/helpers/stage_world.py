@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets.live import PiController, ZaberDevice
+from facets.live import CONTROLLERS
 from facets.tracking import (
     MAX_PLACE_AGE_S,
     POLL_S,
@@ -35,7 +35,6 @@ from facets.tracking import (
     stopping_time,
 )
 
-CONTROLLERS = {"zaber": ZaberDevice, "pi": PiController}
 SENSOR = facets.load("bench").sensor
 #: Ratio of the stage's own largest speed and acceleration to the settings' limits.
 FASTER = 5.0

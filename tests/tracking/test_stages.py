@@ -13,7 +13,16 @@ from sensors import SENSORS
 from stage_world import stage_on
 
 import facets
-from facets.tracking import ENABLE_S, Envelope, Law, SolvedSamples, StageError, Tracker, open_driver
+from facets.tracking import (
+    DRIVERS,
+    ENABLE_S,
+    Envelope,
+    Law,
+    SolvedSamples,
+    StageError,
+    Tracker,
+    open_driver,
+)
 
 STAGE = replace(facets.load("bench").stage, zero=(0.5, 0.0))
 PI = replace(STAGE, driver="pi")
@@ -485,9 +494,10 @@ def test_the_watchdog_stops_a_loop_that_stalls():
 
 def test_nobody_reaches_a_stage_but_through_its_envelope():
     """Nobody else opens a driver or takes the envelope's private parts."""
-    forbidden = (
-        r"import (\([^)]*|.*)\b(Zaber|Pi|Kinesis|open_driver|open_kinesis)\b|\._(driver|line)\b"
+    names = "|".join(
+        ["Kinesis", "open_driver", "open_kinesis", *(d.__name__ for d in DRIVERS.values())]
     )
+    forbidden = rf"import (\([^)]*|.*)\b({names})\b|\._(driver|line)\b"
     root = Path(facets.__file__).parents[1]
     paths = [
         path for name in ("facets", "cli", "experiments") for path in (root / name).rglob("*.py")

@@ -23,7 +23,7 @@ REPLAYED = ("used", "power_mw", "misfit")
 
 
 def recorded_columns(poses: RunPoses) -> Columns:
-    """Return the columns of poses that a recording keeps, and that publications send."""
+    """Return the columns of poses that a recording keeps."""
     return {name: column for name, column in poses.columns().items() if name not in REPLAYED}
 
 

@@ -23,7 +23,7 @@ from .faults import Schedule
 from .mirror import Mirror
 from .pty import Pty
 from .reference import Reference
-from .stages import PiController, ZaberDevice
+from .stages import CONTROLLERS
 
 if TYPE_CHECKING:
     from .wire import Wire
@@ -73,8 +73,7 @@ class Bench:
         if not self.mirror.leaves(place):
             self.mirror.begin = 0.0
         self.reference = Reference(config, self.mirror, seed) if setup.reference else None
-        zaber = config.stage.driver == "zaber"
-        self.device = ZaberDevice(self.model) if zaber else PiController(self.model)
+        self.device = CONTROLLERS[config.stage.driver](self.model)
         self.schedule = Schedule(setup.faults, np.random.default_rng(seed))
         self.count = Count()
         setup = replace(setup, signals={**self.bench_signals(), **setup.signals})

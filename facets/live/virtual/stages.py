@@ -200,3 +200,7 @@ class PiController(VirtualController):
             target[axis] = self.zero[axis] + value
         self.moves += 1
         self.model.command(target)
+
+
+#: The virtual controller of each driver of this package.
+CONTROLLERS = {"zaber": ZaberDevice, "pi": PiController}
