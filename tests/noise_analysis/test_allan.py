@@ -2,10 +2,26 @@
 
 import numpy as np
 import pytest
+from colours import flicker
 
 from facets.noise_analysis.allan import allan
 
 NOISE = np.random.default_rng(2).standard_normal(4000)
+#: White, flicker and a random walk, by the power of frequency in their densities.
+KINDS = {0: NOISE, -1: flicker(np.random.default_rng(3), 1.0, 4000, 1000.0), -2: np.cumsum(NOISE)}
+
+
+@pytest.mark.parametrize("power", KINDS)
+def test_deviations_and_their_intervals_are_those_of_another_program(power):
+    allantools = pytest.importorskip("allantools")
+    found = allan(KINDS[power], 1000.0)
+    for n in range(2, 12):
+        times, length = found.tau[n : n + 1], round(1000 * found.tau[n])
+        deviation = allantools.oadev(KINDS[power], 1000.0, "freq", times)[1][0]
+        assert found.deviation[n] == pytest.approx(deviation, rel=1e-9)
+        freedom = allantools.edf_simple(4001, length, power)
+        ends = allantools.confidence_interval(deviation, freedom, 0.95)
+        assert (found.low[n], found.high[n]) == pytest.approx(ends, rel=1e-6)
 
 
 def test_an_averaging_time_between_computed_ones_has_a_deviation():

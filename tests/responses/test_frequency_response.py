@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import signal
 
 import facets
 from facets import InputError
@@ -58,14 +59,11 @@ def test_the_receptance_lies_within_its_random_error_in_95_percent_of_the_lines(
 
 def test_a_periodic_input_is_averaged_over_its_periods_at_its_lines():
     """Without leakage, however narrow a peak is between the lines."""
-    from scipy import signal
-
-    rng, lines = np.random.default_rng(9), np.arange(4, 400, 3)
-    b, a, _ = signal.cont2discrete(([1.0], [1 / 500**2, 2 * 0.01 / 500, 1]), 1 / RATE, "zoh")
-    true = np.abs(signal.freqz(b.ravel(), a, lines, fs=RATE)[1])
+    rng, lines, way = np.random.default_rng(9), np.arange(4, 400, 3), signal.iirpeak(80, 50, RATE)
+    true = np.abs(signal.freqz(*way, lines, fs=RATE)[1])
     waves = np.outer(np.arange(16_000) / RATE, 2 * np.pi * lines)
     force = np.cos(waves + rng.uniform(0, 2 * np.pi, len(lines))).sum(axis=1)
-    moved = signal.lfilter(b.ravel(), a, force)[:, None] + 0.05 * rng.standard_normal((16_000, 20))
+    moved = signal.lfilter(*way, force)[:, None] + 0.05 * rng.standard_normal((16_000, 20))
     found = estimate_response(force[4000:], moved[4000:], even(12_000))
     assert found.period == 1.0
     np.testing.assert_allclose(found.frequency, lines)
@@ -75,8 +73,6 @@ def test_a_periodic_input_is_averaged_over_its_periods_at_its_lines():
 
 def two_forces(count):
     """Two forces with a common part, and a body that answers to both, in noise."""
-    from scipy import signal
-
     rng = np.random.default_rng(5)
     forces = rng.standard_normal((count, 2))
     forces[:, 1] += 0.7 * signal.lfilter([1], [1, -0.5], forces[:, 0])
@@ -87,8 +83,6 @@ def two_forces(count):
 
 
 def test_two_inputs_are_told_apart_and_each_lies_within_its_random_error():
-    from scipy import signal
-
     forces, moved, ways = two_forces(120_000)
     held = []
     for n, way in enumerate(ways):
@@ -104,8 +98,6 @@ def test_two_inputs_are_told_apart_and_each_lies_within_its_random_error():
 
 def test_partial_and_multiple_coherence_are_those_of_the_inverse_and_the_determinants():
     """Of the whole matrix of spectra, as Welch's method of SciPy has them."""
-    from scipy import signal
-
     forces, moved, _ = two_forces(20_000)
     length = 500
     every = np.column_stack([forces, moved])
@@ -139,8 +131,6 @@ def test_the_noise_floor_is_what_noise_alone_gives(shaken):
 
 def test_segments_across_a_gap_are_left_out(shaken):
     """The rest is averaged as from separate records."""
-    from scipy import signal
-
     count, length, row = 20_000, 1000, np.arange(20_000)
     kept = (row < 12_000) | (row >= 12_400)  # lost samples
     x, y = shaken[0][:count][kept], shaken[1][:count, 1][kept]
@@ -164,8 +154,6 @@ def test_segments_across_a_gap_are_left_out(shaken):
 
 
 def test_overlapping_segments_count_as_independent_ones_of_the_same_variance():
-    from scipy import signal
-
     rng = np.random.default_rng(4)
     length, count = 64, 64 * 12
     noise = rng.standard_normal((3000, count))
@@ -189,16 +177,10 @@ def test_the_low_pass_and_a_late_input_are_corrected(shaken):
     force, _ = shaken
     frequency = np.fft.rfftfreq(len(force), 1 / RATE)
     delay, bandwidth = 0.4e-3, 150.0
-
-    def filtered(factors):
-        return np.fft.irfft(np.fft.rfft(force) * factors, len(force))
-
-    late = filtered(np.exp(2j * np.pi * frequency * delay))  # sampled later than the motion
-    slow = filtered(low_pass(frequency, bandwidth))
-    given, channel = (
-        (late, slow[:, None], even(len(force)), 2.0),
-        OutputChannel(np.array([1e-3]), bandwidth),
-    )
+    ways = np.exp(2j * np.pi * frequency * delay), low_pass(frequency, bandwidth)
+    late, slow = np.fft.irfft(np.fft.rfft(force) * ways, len(force))  # sampled after the motion
+    given = late, slow[:, None], even(len(force)), 2.0
+    channel = OutputChannel(np.array([1e-3]), bandwidth)
     plain = estimate_response(*given, channel)
     right = estimate_response(*given, channel._replace(is_corrected=True, delay=delay))
     lines = plain.is_excited
