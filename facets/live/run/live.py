@@ -76,7 +76,7 @@ class Live:
         return min(self.clock(), self.end)
 
     @property
-    def passed(self) -> float:
+    def duration(self) -> float:
         """The time since the run began, s; above 0."""
         return max(self.now - self.begin, 1e-9)
 

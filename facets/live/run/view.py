@@ -41,9 +41,9 @@ def values(live: Live) -> dict[str, Any]:
     """The newest sample and the counts so far, in the units that people see."""
     sequence, tally, parser = live.pipeline.sequence, live.pipeline.tally, live.pipeline.parser
     entries: dict[str, Any] = {
-        "seconds": round(live.passed, 3),
+        "seconds": round(live.duration, 3),
         "samples": tally.samples,
-        "rate_hz": round(tally.samples / live.passed, 1),
+        "rate_hz": round(tally.samples / live.duration, 1),
         "lost": sequence.lost,
         "loss": round(live.loss, 6),
         "silent_s": round(live.silence, 3),
@@ -313,7 +313,7 @@ def run_counts(live: Live) -> list[Item]:
     skipped = tally.skipped_count
     unknown = "no sample is solved yet, or the source is a file or virtual"
     return [
-        item("mean rate", tally.samples / live.passed, "1/s"),
+        item("mean rate", tally.samples / live.duration, "1/s"),
         *stream_counts(live.pipeline),
         item("latency p99", 1e3 * live.latency_p99(), "ms", unknown),
         item("waiting", live.backlog, "samples", bad=live.behind),

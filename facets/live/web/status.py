@@ -22,7 +22,7 @@ def status_of(live: Live) -> dict[str, Any]:
     """Return the status of a run that goes on."""
     pipeline = live.pipeline
     return {
-        "seconds": round(live.passed, 3),
+        "seconds": round(live.duration, 3),
         "messages": live.messages(),
         "events": events(pipeline) | {"reconnected": live.reconnects},
         "counts": run_counts(live),
