@@ -18,6 +18,15 @@ CALIBRATION = facets.Calibration(("psd_a.height",), ((1e-6,),))
 CALIBRATED = replace(BENCH, sensor=replace(BENCH.sensor, calibration=CALIBRATION))
 
 
+class Clock:
+    """A clock that stands until a test moves it."""
+
+    now = 1_000.0
+
+    def __call__(self):
+        return self.now
+
+
 def samples_of(readings, rng=None, channels=None, electronics=BENCH.electronics):
     """Samples at 10 kHz of readings (n, 9), with noise if a generator is given.
 

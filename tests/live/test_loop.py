@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from facets.experiments.studies import kills
 from stage_world import stage_on
-from streams import CALIBRATED, samples_of
+from streams import CALIBRATED, Clock, samples_of
 
 import facets
 from facets import Status
@@ -33,13 +33,6 @@ from facets.tracking import Encoder, Envelope, Law, Tracker
 CONFIG = facets.load("bench")
 EACH = 20
 NEWEST_FIRST_AFTER_S = 0.05
-
-
-class Clock:
-    now = 1_000.0
-
-    def __call__(self):
-        return self.now
 
 
 class Board:
@@ -167,22 +160,24 @@ def test_nobody_who_tells_of_an_event_waits_for_those_who_hear_it():
     assert details.keys() >= {"monotonic", "utc"}
 
 
+def follow(stage):
+    """A run whose stage follows, its loop, and the port of the stage."""
+    port, law = stage_on(stage), Law.from_sensor(CONFIG.sensor, stage)
+    tracker = Tracker(Envelope(port, stage, print, port.clock), law)
+    live = Live(Pipeline(CONFIG), Clock(), tracker=tracker)
+    return live, Loop(live, Board(live.clock, 0)), port
+
+
 def test_a_loss_of_the_board_s_permit_is_found_in_a_backlog_too():
     """25 ms without it in the midst of 75 ms that wait, of which the newest are solved first."""
-    stage = replace(CONFIG.stage, permit="board")
-    port = stage_on(stage)
-    law = Law.from_sensor(CONFIG.sensor, stage)
-    clock = Clock()
-    tracker = Tracker(Envelope(port, stage, print, port.clock), law)
-    live = Live(Pipeline(CONFIG), clock, tracker=tracker)
-    loop = Loop(live, Board(clock, 0))
+    live, loop, port = follow(replace(CONFIG.stage, permit="board"))
     samples = samples_of(facets.readings(CONFIG.sensor, np.zeros((750, 8))))
     samples.flags[:] = PERMIT
     samples.flags[250:500] = 0
     for first in range(0, 750, 250):
         block = pack(samples.where(slice(first, first + 250)))
         loop.take(Block(block, port.now + 1e-4 * first, None))
-    clock.now = port.now + 0.2
+    live.clock.now = port.now + 0.2
     loop.solve_batch()
     assert live.newest.seq[-1] == 749
     assert live.tracker.envelope.permit.allows_motion(port.now) is False
@@ -190,14 +185,7 @@ def test_a_loss_of_the_board_s_permit_is_found_in_a_backlog_too():
 
 def test_a_stage_is_stopped_after_a_suspend_of_the_computer():
     """The board's clock goes on by a minute in which the computer's stands still, as on Linux."""
-    port = stage_on(CONFIG.stage)
-    law = Law.from_sensor(CONFIG.sensor, CONFIG.stage)
-    live = Live(
-        Pipeline(CONFIG),
-        Clock(),
-        tracker=Tracker(Envelope(port, CONFIG.stage, print, port.clock), law),
-    )
-    loop = Loop(live, Board(live.clock, 0))
+    live, loop, _ = follow(CONFIG.stage)
     samples = samples_of(facets.readings(CONFIG.sensor, np.zeros((12_000, 8))))
     samples.seq[10_000:] += 600_000
     samples.time[10_000:] += 60_000_000

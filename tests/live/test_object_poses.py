@@ -81,17 +81,6 @@ def test_objects_and_their_displacements_after_the_zero_err_as_stated():
     assert tuple(poses.columns())[-len(poses.object) :] == pipeline.measurement.object_names
 
 
-def test_a_zero_of_two_detectors_scatters_as_it_states():
-    """To the fifth by which the converter's steps exceed their noise; by that of three detectors it
-    would be up to 2.4 times as large."""
-    way = replace(BENCH.solve, beam="known", accept_unchecked=True)
-    rows = facets.readings(BENCH.sensor, np.zeros((STILL, 8)))
-    rows[:, 6:] = 0.0
-    pipeline = Pipeline(replace(WITH_OBJECT, solve=way), PoseColumns(ZeroRequest(seconds=0.04)))
-    pipeline.feed(pack(samples_of(rows, np.random.default_rng(8))), 1.0)
-    assert np.abs(pipeline.measurement.zero.scatter - 1).max() < 0.3
-
-
 def test_a_zero_waits_for_light_and_says_that_the_mirror_moves():
     pipeline = Pipeline(WITH_OBJECT, PoseColumns(ZeroRequest(seconds=0.05)))
     live = Live(pipeline, begin=np.inf)  # no run, which could be silent

@@ -12,17 +12,10 @@ import numpy as np
 import pytest
 from facets.experiments.studies import kills
 from rich.console import Console
-from streams import BENCH, CALIBRATED
+from streams import BENCH, CALIBRATED, Clock
 
 from facets.live import Live, Pipeline
 from facets.live.run import view
-
-
-class Clock:
-    now = 1000.0
-
-    def __call__(self):
-        return self.now
 
 
 def live(light=1.0, config=BENCH, clock=time.monotonic):
