@@ -71,51 +71,29 @@ def test_a_periodic_input_is_averaged_over_its_periods_at_its_lines():
     assert 0.935 < (apart < found.coverage_factor).mean() < 0.965
 
 
-def two_forces(count):
-    """Two forces with a common part, and a body that answers to both, in noise."""
-    rng = np.random.default_rng(5)
-    forces = rng.standard_normal((count, 2))
+def test_responses_and_coherences_of_two_inputs_are_those_of_the_matrix_of_spectra():
+    """Of two forces with a common part: the whole matrix is that of Welch's method of SciPy."""
+    rng, length = np.random.default_rng(5), 500
+    forces = rng.standard_normal((20_000, 2))
     forces[:, 1] += 0.7 * signal.lfilter([1], [1, -0.5], forces[:, 0])
-    ways = [signal.iirpeak(frequency, 3, fs=RATE) for frequency in (90, 210)]
-    parts = [signal.lfilter(*way, force) for way, force in zip(ways, forces.T, strict=True)]
-    moved = sum(parts) + 0.3 * rng.standard_normal(count)
-    return forces, moved[:, None], ways
-
-
-def test_two_inputs_are_told_apart_and_each_lies_within_its_random_error():
-    forces, moved, ways = two_forces(120_000)
-    held = []
-    for n, way in enumerate(ways):
-        given = forces[:, n], moved, even(120_000), 1.0, OutputChannel()
-        both = estimate_response(*given, forces[:, [1 - n]])
-        true = np.abs(signal.freqz(*way, both.frequency, fs=RATE)[1])
-        apart = [np.abs(np.abs(found.h1[:, 0]) - true) / found.uncertainty[:, 0]
-                 for found in (both, estimate_response(*given))]  # fmt: skip
-        held.append((apart[0] < both.coverage_factor)[true > 0.15])
-    assert apart[1].max() > 9  # alone, a force has the other's part that goes with it
-    assert 0.92 < np.concatenate(held).mean() < 0.98
-
-
-def test_partial_and_multiple_coherence_are_those_of_the_inverse_and_the_determinants():
-    """Of the whole matrix of spectra, as Welch's method of SciPy has them."""
-    forces, moved, _ = two_forces(20_000)
-    length = 500
-    every = np.column_stack([forces, moved])
-    matrix = np.array([
-        [signal.csd(a, b, RATE, "hann", length, detrend="linear")[1][2:] for b in every.T]
-        for a in every.T
-    ]).transpose(2, 0, 1)  # fmt: skip
-    inverse = np.linalg.inv(matrix)
+    moved = 0.3 * rng.standard_normal((20_000, 1))
+    for frequency, force in zip((90, 210), forces.T, strict=True):
+        moved[:, 0] += signal.lfilter(*signal.iirpeak(frequency, 3, RATE), force)
+    every = np.hstack([forces, moved]).T
+    matrix = signal.csd(every[:, None], every, RATE, "hann", length, detrend="linear")[1].T[2:]
+    matrix = matrix.swapaxes(1, 2)
+    inputs = matrix[:, :2, :2]
+    inverse, h1 = np.linalg.inv(matrix), np.linalg.solve(inputs, matrix[:, :2, 2:])[:, :, 0]
     partial = np.abs(inverse[:, :2, 2]) ** 2
     partial /= (inverse[:, [0, 1], [0, 1]] * inverse[:, 2, 2, None]).real
-    determinants = [np.linalg.det(m).real for m in (matrix, matrix[:, :2, :2])]
-    multiple = 1 - determinants[0] / determinants[1] / matrix[:, 2, 2].real
+    multiple = 1 - (np.linalg.det(matrix) / np.linalg.det(inputs) / matrix[:, 2, 2]).real
     for n in (0, 1):
-        found = estimate_response(
-            forces[:, n], moved, even(len(moved)), RATE / length, others=forces[:, [1 - n]]
-        )
+        given = forces[:, n], moved, even(len(moved)), RATE / length, OutputChannel()
+        found, alone = (estimate_response(*given, others) for others in (forces[:, [1 - n]], None))
+        assert found.h1[:, 0] == pytest.approx(h1[:, n], rel=1e-9)
         assert found.coherence[:, 0] == pytest.approx(partial[:, n], rel=1e-9)
         assert found.multiple_coherence[:, 0] == pytest.approx(multiple, rel=1e-9)
+        assert found.freedom == pytest.approx(alone.freedom - 2)
 
 
 def test_the_noise_floor_is_what_noise_alone_gives(shaken):
@@ -151,16 +129,6 @@ def test_segments_across_a_gap_are_left_out(shaken):
     lines = found.is_excited
     assert found.h1[lines, 0] == pytest.approx((cross / power)[lines], rel=1e-9)
     assert (found.segments, found.left_out) == (len(pieces), 39 - len(pieces))
-
-
-def test_overlapping_segments_count_as_independent_ones_of_the_same_variance():
-    rng = np.random.default_rng(4)
-    length, count = 64, 64 * 12
-    noise = rng.standard_normal((3000, count))
-    power = signal.welch(noise, window="hann", nperseg=length, detrend=False)[1][:, 10]
-    independent = (power.mean() / power.std()) ** 2
-    found = estimate_response(noise[0], noise[1, :, None], even(count), RATE / length)
-    assert found.averages == pytest.approx(independent, rel=0.06)
 
 
 def test_noise_behind_a_low_pass_keeps_its_variance():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from facets.core import STATE, Runs
 from facets.simulation import command_columns, course_of, course_states, run_states
@@ -30,20 +31,30 @@ def test_the_stands_are_commanded_in_their_order_from_both_sides():
     assert commands["direction"][0] == -1
 
 
-def test_each_error_has_its_form():
-    stand = course_of(AXIS).is_stand
+@pytest.mark.parametrize(
+    ("keys", "axis", "expected"),
+    [
+        ({"scale": 0.01}, 2, [-0.01, -0.005, 0, 0.005, 0.01]),
+        ({"bow": state(tx=4e-3)}, 0, [0, 3e-3, 4e-3, 3e-3, 0]),
+        ({"backlash": state(tz=2e-3)}, 2, [*[1e-3] * 5, *[-1e-3] * 5]),
+        ({"wave": state(roll=1e-5), "periods": 1.0}, 3, [0, 1e-5, 0, -1e-5, 0]),
+    ],
+)
+def test_each_error_has_its_form(keys, axis, expected):
+    errors = errors_of(**keys)[: len(expected), axis]
+    np.testing.assert_allclose(errors, expected, atol=1e-15)
 
-    def errors(**keys):
-        erring = course_states(replace(AXIS, **keys), np.random.default_rng(1))
-        return (erring - course_states(AXIS, np.random.default_rng(1)))[stand][:10]
 
-    np.testing.assert_allclose(errors(scale=0.01)[:5, 2], [-0.01, -0.005, 0, 0.005, 0.01])
-    np.testing.assert_allclose(errors(bow=state(tx=4e-3))[:5, 0], [0, 3e-3, 4e-3, 3e-3, 0])
-    back = errors(backlash=state(tz=2e-3))[:, 2]
-    np.testing.assert_allclose(back, [*[1e-3] * 5, *[-1e-3] * 5])
-    wave = errors(wave=state(roll=1e-5), periods=1.0)[:5, 3]
-    np.testing.assert_allclose(wave, [0, 1e-5, 0, -1e-5, 0], atol=1e-18)
-    assert 0.3e-3 < errors(scatter=state(ty=1e-3))[:, 1].std() < 3e-3
+def test_stands_scatter_by_the_size_given():
+    assert 0.3e-3 < errors_of(scatter=state(ty=1e-3))[:, 1].std() < 3e-3
+
+
+def errors_of(**keys):
+    """The errors (10, 8) of an axis at the stands of its first run."""
+    moved, plain = (
+        course_states(axis, np.random.default_rng(1)) for axis in (replace(AXIS, **keys), AXIS)
+    )
+    return (moved - plain)[course_of(AXIS).is_stand][:10]
 
 
 def test_it_stands_at_its_places_and_overruns_the_ends():

@@ -1,11 +1,13 @@
 """A simulated sensor: noise as stated, errors as propagated, nothing hidden."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import facets
 from facets import add_noise, simulate
-from facets.core import STATE_COLUMNS
+from facets.core import STATE_COLUMNS, Sweep
 from facets.detectors import fullness
 from facets.estimation import PoseColumns, ZeroRequest
 from facets.simulation import axes, pose_table, reading_table, statuses
@@ -16,12 +18,6 @@ PAPER = facets.load("paper")
 @pytest.fixture(scope="module")
 def segments():
     return simulate(PAPER, seed=4)
-
-
-def simulate_motion(folder, motion):
-    path = folder / "c.yaml"
-    path.write_text(f"extends: paper\nmotions: {{m: {motion}}}\n")
-    return simulate(facets.load(path), ["m"])[0]
 
 
 def test_with_noise_the_errors_are_those_that_are_stated_and_without_it_none(segments):
@@ -46,9 +42,9 @@ def test_the_seed_decides_and_motions_do_not_disturb_each_other(segments):
     assert (alone.readings != simulate(PAPER, ["yaw-sweep"])[0].readings).any()
 
 
-def test_a_spot_beside_its_detector_is_withheld_and_counted(tmp_path):
-    motion = "{kind: sweep, from: {tz_mm: 0}, to: {tz_mm: 9}, samples: 10}"
-    segment = simulate_motion(tmp_path, motion)
+def test_a_spot_beside_its_detector_is_withheld_and_counted():
+    motion = Sweep((0.0,) * 8, (0.0, 0.0, 9.0, *(0.0,) * 5), 10, 1.0)
+    (segment,) = simulate(replace(PAPER, motions={"m": motion}))
     beside = ~segment.reached.all(axis=1)
     assert np.isnan(segment.readings[beside]).all()
     assert np.isnan(segment.solution.state[beside]).all()
