@@ -55,17 +55,29 @@ DUST_SIGMAS, DUST_WIDTHS = 0.3, ((2.4, 13), (0.6, 7), (0.15, 5))
 # ---- things that may move, drift or switch
 
 
-def detector_columns(remainder: Remainder, k: int) -> Floats:
-    """The columns of a detector's place, along psi and zeta."""
-    columns = np.zeros((*remainder.noise.shape, 2))
-    for m in (0, 1):
-        columns[:, 3 * k + m, m] = 1 / remainder.noise[:, 3 * k + m]
-    return columns
+def separate(rows: Floats, columns: tuple[int, ...]) -> Floats:
+    """Columns (n, 9, q) that hold the readings of rows (n, 9), each in the column that `columns`
+    (9,) numbers; in none where the number is -1."""
+    is_in = np.array(columns)[:, None] == np.arange(max(columns) + 1)
+    return np.where(is_in, rows[:, :, None], 0.0)
+
+
+#: The columns of readings: for each detector one; one for each power; one for each coordinate of a
+#: place; one for each place and each power.
+BY_DETECTOR = (0, 0, 0, 1, 1, 1, 2, 2, 2)
+BY_POWER = (-1, -1, 0, -1, -1, 1, -1, -1, 2)
+BY_PLACE = (0, 1, -1, 2, 3, -1, 4, 5, -1)
+BY_PLACE_AND_POWER = (0, 0, 1, 2, 2, 3, 4, 4, 5)
 
 
 def place_columns(remainder: Remainder) -> Floats:
-    """The columns of all detectors' places."""
-    return np.concatenate([detector_columns(remainder, k) for k in range(3)], axis=2)
+    """The columns of all detectors' places, along psi and zeta."""
+    return separate(1 / remainder.noise, BY_PLACE)
+
+
+def detector_columns(remainder: Remainder, k: int) -> Floats:
+    """The columns of a detector's place, along psi and zeta."""
+    return place_columns(remainder)[:, :, 2 * k : 2 * k + 2]
 
 
 def unknown_columns(remainder: Remainder, names: tuple[str, ...]) -> Floats:
@@ -187,11 +199,7 @@ def effect_columns(remainder: Remainder, series: str) -> Floats:
 def chip_columns(remainder: Remainder) -> Floats:
     """The columns of an area broken off the tip of each facet, by mm^2: each facet lights its own
     detector."""
-    whole = effect_columns(remainder, "tip.area")[:, :, 0]
-    columns = np.zeros((*whole.shape, 3))
-    for k in range(3):
-        columns[:, 3 * k : 3 * k + 3, k] = whole[:, 3 * k : 3 * k + 3]
-    return columns
+    return separate(effect_columns(remainder, "tip.area")[:, :, 0], BY_DETECTOR)
 
 
 def uneven_columns(remainder: Remainder) -> Floats:
@@ -231,10 +239,7 @@ def scatter_columns(remainder: Remainder) -> Floats:
 
 def power_columns(remainder: Remainder, detectors: tuple[int, ...]) -> Floats:
     """The columns of the powers of some detectors, each by itself."""
-    columns = np.zeros((*remainder.noise.shape, len(detectors)))
-    for n, k in enumerate(detectors):
-        columns[:, 3 * k + 2, n] = remainder.light[:, k]
-    return columns
+    return separate(np.repeat(remainder.light, 3, axis=1), BY_POWER)[:, :, detectors]
 
 
 def beam_sigma(sensor: Sensor) -> float:
@@ -474,13 +479,11 @@ def axis_delay_columns(remainder: Remainder) -> Floats:
 
 def moving_columns(remainder: Remainder) -> Floats:
     """The columns of each detector's delay, s; zero where the table is no motion in time."""
-    data, columns = remainder.data, np.zeros((*remainder.noise.shape, 3))
+    data = remainder.data
     if data.velocity is None or data.clock is None:
-        return columns
+        return np.zeros((*remainder.noise.shape, 3))
     moving = np.einsum("nij,nj->ni", remainder.pose_columns, data.velocity)
-    for k in range(3):
-        columns[:, 3 * k : 3 * k + 3, k] = moving[:, 3 * k : 3 * k + 3]
-    return columns
+    return separate(moving, BY_DETECTOR)
 
 
 def clock_columns(remainder: Remainder) -> Floats:
@@ -510,12 +513,7 @@ def memory_in_use(remainder: Remainder) -> Floats:
 
 def kept_columns(remainder: Remainder, before: Floats) -> Floats:
     """The columns of a share of readings before (n, 9) that each detector keeps."""
-    apart = before - remainder.model_readings
-    columns = np.zeros((*apart.shape, 6))
-    for k in range(3):
-        columns[:, 3 * k : 3 * k + 2, 2 * k] = apart[:, 3 * k : 3 * k + 2]
-        columns[:, 3 * k + 2, 2 * k + 1] = apart[:, 3 * k + 2]
-    return columns / remainder.noise[:, :, None]
+    return separate((before - remainder.model_readings) / remainder.noise, BY_PLACE_AND_POWER)
 
 
 def averaged_columns(remainder: Remainder) -> Floats:
