@@ -3,6 +3,7 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
+    from . import crate as crate
     from . import provenance as provenance
     from . import tables as tables
     from . import whole as whole
