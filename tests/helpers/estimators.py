@@ -1,7 +1,7 @@
 """Everything that estimates poses from readings, by one signature.
 
 What is added to the package, or replaces something, is a line of EXECUTIONS, and the tests that go
-over these (`tests/estimation/test_executions.py`) hold it to what all others give.
+over these (`tests/estimation/test_estimators.py`) hold it to what all others give.
 """
 
 from __future__ import annotations
