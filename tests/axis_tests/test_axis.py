@@ -69,13 +69,13 @@ def test_quantities_are_those_worked_by_hand_and_of_what_lacks_not_a_number():
     assert (quantities(up)["B"], quantities(up)["A"]) == (4, 16)
 
 
-def visits(states, targets):
-    count = len(targets)
-    zero = np.zeros(count, dtype=int)
-    return Visits(
-        targets, np.arange(count), zero, zero, np.arange(count),
-        np.hstack([states, np.zeros((count, 2))]), np.full(count, 1e9), np.ones(6),
-    )  # fmt: skip
+def measure(places, turn, targets, *test):
+    """The error motions of an axis that stood once at each target, and their values (6, n)."""
+    order, zero = np.arange(len(targets)), np.zeros(len(targets), int)
+    states = np.column_stack([places, turn.as_euler("xyz"), zero, zero])
+    visits = Visits(targets, order, zero, zero, order, states, zero + 1e9, np.ones(6))
+    motions = measure_error_motions(SENSOR, KNOWN, visits, AxisTest(*test))
+    return motions, motions.values[:, :, 0, 0]
 
 
 def test_a_linear_axis_has_the_errors_that_a_rigid_body_was_given():
@@ -88,21 +88,14 @@ def test_a_linear_axis_has_the_errors_that_a_rigid_body_was_given():
     errors = np.stack([1e-3 * way, *np.outer([2e-3, -1e-3, 1e-5, 2e-5, 3e-5], bow)])
     shift = own.apply(skew.apply(errors[:3].T + np.outer(way, [1, 0, 0])))
     turn = own * skew * Rotation.from_rotvec(errors[3:].T) * skew.inv() * own.inv()
-    states = np.hstack([point + shift - turn.apply(point), turn.as_euler("xyz")])
-
-    def measure(*line):
-        motions = measure_error_motions(
-            SENSOR, KNOWN, visits(states, way), AxisTest("X", None, body, *line)
-        )
-        return motions, motions.values[:, :, 0, 0]
-
-    motions, values = measure()
+    given = point + shift - turn.apply(point), turn, way, "X", None, body
+    motions, values = measure(*given)
     assert motions.names == ["EXX", "EYX", "EZX", "EAX", "EBX", "ECX"]
     expected = errors - errors.mean(axis=1, keepdims=True)
     np.testing.assert_allclose(values, expected, atol=2e-8)
     np.testing.assert_allclose(motions.frame[0], skew.as_matrix()[:, 0], atol=1e-6)
-    np.testing.assert_allclose(measure("end-points")[1][1], errors[1], atol=2e-8)
-    nominal = measure("nominal")[1]
+    np.testing.assert_allclose(measure(*given, "end-points")[1][1], errors[1], atol=2e-8)
+    nominal = measure(*given, "nominal")[1]
     np.testing.assert_allclose(nominal[0], expected[0], atol=2e-8)  # no cosine
     assert np.polyfit(way, nominal[1], 1)[0] == pytest.approx(-3e-3, rel=0.01)
 
@@ -113,11 +106,10 @@ def test_a_rotary_axis_beside_the_apex_has_no_error_but_its_own():
     wobble, lift = 5e-6 * np.sin(300 * angle), 4e-4 * (1 - (angle / 0.012) ** 2)
     turn = tilt * Rotation.from_rotvec(np.outer(angle + wobble, [0, 0, 1])) * tilt.inv()
     places = where - turn.apply(where) + np.outer(lift, tilt.as_matrix()[:, 2])
-    states = np.hstack([places, turn.as_euler("xyz")])
-    motions = measure_error_motions(SENSOR, KNOWN, visits(states, angle), AxisTest("C"))
+    motions, values = measure(places, turn, angle, "C")
     expected = np.zeros((6, 9))
     expected[2], expected[5] = lift - lift.mean(), wobble - wobble.mean()
-    np.testing.assert_allclose(motions.values[:, :, 0, 0], expected, atol=2e-8)
+    np.testing.assert_allclose(values, expected, atol=2e-8)
     np.testing.assert_allclose(motions.offset[:2], where[:2], atol=1e-3)
 
 
@@ -187,15 +179,16 @@ def test_what_cannot_be_a_test_of_the_axis_is_refused():
     still.states[:] = poses.states[0]
     leaning.states[:, 0] = np.tan(np.radians(11)) * poses.states[:, 2]
     blind.states[:, 5] = np.nan  # a pose that lacks one number is missing, too
-    with pytest.raises(InputError, match="no row has a pose"):
-        visit(blind)
-    with pytest.raises(InputError, match=r"moved .* along Z; name the axis that moved"):
-        visit(poses, axis="X")
-    with pytest.raises(InputError, match=r"stands still . times"):
-        visit(still, None)
-    for scale, words in ((1000, "0.001 times"), (0.5, "2 times as far"), (1.25, "check the unit")):
+    for words, *given in (
+        ("no row has a pose", blind),
+        (r"moved .* along Z; name the axis that moved", poses, UP_AND_DOWN, "X"),
+        (r"stands still . times", still, None),
+        ("0.001 times", poses, 1000 * UP_AND_DOWN),
+        ("2 times as far", poses, 0.5 * UP_AND_DOWN),
+        ("check the unit", poses, 1.25 * UP_AND_DOWN),
+    ):
         with pytest.raises(InputError, match=words):
-            visit(poses, scale * UP_AND_DOWN)
+            visit(*given)
     with pytest.raises(InputError, match=r"leans by 11 degrees from the object's Z; allowed: 10"):
         evaluate_axis(SENSOR, KNOWN, leaning, AxisTest("Z", shortest_s=0.1))
 
