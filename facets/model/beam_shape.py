@@ -38,7 +38,7 @@ def axes_of(shape: Floats, near: float = 0.0) -> tuple[float, float, float]:
     Raises `InputError` where no beam has that shape.
     """
     (axes,) = axes_of_shapes(np.reshape(shape, (1, 3)), near).tolist()
-    if not min(axes[:2]) > 0:
+    if not all(axis > 0 for axis in axes[:2]):
         xx, yy, xy = shape
         raise InputError(f"no beam has a cross-section of covariance {xx:g}, {yy:g}, {xy:g} mm^2")
     return axes[0], axes[1], axes[2]
