@@ -143,6 +143,7 @@ def powers(amounts: Floats) -> str:
 #: What light of a lamp may be on each detector, mW and mW mm, 1 sigma; of light that a facet
 #: scatters, over its power.
 LAMP_SIGMA = np.array([3e-3, 9e-3, 9e-3] * 3)
+TURN = "calibrate again with the mirror turned by 120 degrees on the reference"
 DRIFT_SOURCES = (
     *(
         DriftSource(f"detector_{k}", "detectors", f"detector {k.upper()}",
@@ -179,7 +180,7 @@ DRIFT_SOURCES = (
               partial(columns.unknown_columns,
                       names=(f"facet_{k}.inclination", f"facet_{k}.azimuth")), 1e-3, angles,
               "look how the facets are held",
-              "measure again with the mirror turned by 120 degrees on the reference (seat_deg)")
+              TURN)
         for k in DETECTORS
     ),
     DriftSource("polarisation", "light", "the light's polarisation",
@@ -368,7 +369,6 @@ def test_resets(remainder: Remainder) -> Trace:
 LEAST_OF_REFERENCE = 5e-4
 CAMERA = "look at the beam with a camera"
 MICROSCOPE = "look at the mirror with a microscope"
-TURN = "measure again with the mirror turned by 120 degrees on the reference (seat_deg)"
 OF_REFERENCE = "have the reference calibrated, or measure with the mirror at its pivot"
 
 ALTERNATIVES: tuple[Alternative, ...] = (
