@@ -64,7 +64,7 @@ class ResultFolder:
         record = files.provenance.run_record(self.settings, seed, seconds, entries)
         files.whole.write_text(self.folder / "run.yaml", record)
         about = files.provenance.provenance_header(self.settings, seed)
-        files.crate.write_crate(self.folder, self.paths, about, seconds)
+        files.write_crate(self.folder, self.paths, about, seconds)
 
     def name(self) -> None:
         """Print the last line of a command: the files that it wrote."""

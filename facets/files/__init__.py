@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from .columns import TIMES as TIMES
     from .columns import row_times as row_times
     from .columns import unit_of_column as unit_of_column
+    from .crate import write_crate as write_crate
     from .frame_table import FrameTable as FrameTable
     from .frame_table import make_frame as make_frame
     from .tables import Source as Source
@@ -21,6 +22,7 @@ else:
         __name__,
         {
             "columns": "TIMES row_times unit_of_column",
+            "crate": "write_crate",
             "frame_table": "FrameTable make_frame",
             "provenance": "provenance_header run_record",
             "tables": "Source read_chunks read_head read_words write_table",

@@ -4,8 +4,7 @@ import hashlib
 import json
 
 import facets
-from facets.files import provenance, write_table
-from facets.files.crate import write_crate
+from facets.files import provenance, write_crate, write_table
 
 
 def test_a_crate_names_files_and_units_and_spares_descriptions_by_others(tmp_path):
