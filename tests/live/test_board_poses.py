@@ -198,7 +198,7 @@ def test_acquire_compares(tmp_path, library, run_in_process):
     with Program("emulate", "bench", *words, cwd=tmp_path) as bench:
         bench.await_output("running")
         status, output, errors = run_in_process(
-            "acquire", "bench", "--port", "bench/board", "--samples", "1000", "--plain",
+            "acquire", "bench", "--port", "bench/board", "--samples", "300", "--plain",
             "--compare-board", "--max-loss", "1",
         )  # fmt: skip
     assert status == 0, errors
