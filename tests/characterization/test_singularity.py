@@ -43,17 +43,13 @@ def test_samples_are_in_the_box_and_in_chunks():
     assert apex_offset(every).max() <= 0.1 + 1e-12
 
 
-def test_dark_states_are_counted_not_measured():
+def test_dark_states_are_counted_and_saturated_ones_measured_too():
     result = survey(PAPER, samples(parse_box("roll_mrad=2000"), 1000, "sobol", 1))
     assert 0 < result.dark < 1000
     assert not result.one_sign
-
-
-def test_states_that_saturate_a_detector_are_counted_and_measured():
-    sensor = facets.load("bench").sensor
-    rest, far = np.zeros((3, 8)), np.zeros((2, 8))
-    far[:, :3] = 0.3, 0.3, 5.0  # mm: most of the light near the edge of one detector
-    result = survey(sensor, iter([np.concatenate([rest, far])]))
+    state = np.zeros((5, 8))
+    state[3:, :3] = 0.3, 0.3, 5.0  # mm: most of the light near the edge of one detector
+    result = survey(facets.load("bench").sensor, iter([state]))
     assert (result.states, result.dark, result.saturated) == (5, 0, 2)
 
 

@@ -104,7 +104,7 @@ def test_what_spoils_a_record_is_said(change, words):
 
 
 @pytest.mark.slow
-def test_slow_sweeps_few_averages_and_narrow_peaks_are_said():
+def test_slow_sweeps_narrow_peaks_few_averages_and_doubtful_rows_are_said():
     *_, limits = look(body=replace(BODY, drive="sweep"))
     assert any(
         "only 1 of the 39 segments have input: the input passes through" in text for text in limits
@@ -113,8 +113,10 @@ def test_slow_sweeps_few_averages_and_narrow_peaks_are_said():
     _, (peak,), limits = look(body=sharp)
     assert peak.width < 2
     assert any("The lines are too far apart for the peaks at 60 Hz (" in text for text in limits)
-    *_, limits = look(resolution=0.1)
-    assert limits[0].startswith("There are only 6.")
+    said = " ".join(look(resolution=0.1, saturated=4, misfits=400)[-1])
+    assert said.startswith("There are only 6.")
+    assert "Detectors were saturated in 4 of 40000 rows" in said
+    assert "In 400 of 40000 rows the residual" in said
 
 
 def test_a_stepped_sine_has_its_peaks_no_random_error_and_is_not_clipped():
@@ -133,12 +135,6 @@ def test_a_stepped_sine_has_its_peaks_no_random_error_and_is_not_clipped():
     said = " ".join(limits)
     assert "Random errors are therefore not stated" in said
     assert "clipped" not in said
-
-
-def test_rows_that_are_doubtful_are_said():
-    said = " ".join(look(saturated=4, misfits=400)[-1])
-    assert "Detectors were saturated in 4 of 40000 rows" in said
-    assert "In 400 of 40000 rows the residual" in said
 
 
 def test_the_noise_of_the_signals_is_that_at_the_point():

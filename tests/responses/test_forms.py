@@ -48,10 +48,8 @@ def test_angles_have_their_own_units():
 
 
 def test_errors_and_noise_go_with_the_form():
-    rng = np.random.default_rng(2)
-    force = rng.standard_normal(20_000)
-    moved = np.outer(np.convolve(force, [0, 1e-3, 5e-4])[:20_000], np.ones(6))
-    moved += 1e-4 * rng.standard_normal(moved.shape)
+    force, *noise = np.random.default_rng(2).standard_normal((7, 20_000))
+    moved = np.transpose(1e-3 * force + 1e-4 * np.array(noise))
     stretches = find_stretches(np.arange(20_000) / 1000, np.ones(20_000, bool), "it")
     found = estimate_response(force, moved, stretches, 4, OutputChannel(np.full(6, 1e-4)))
     assert response_table(found)["u_h1_yaw_urad"] == pytest.approx(1e6 * found.uncertainty[:, 5])

@@ -9,7 +9,7 @@ from scipy import signal
 
 import facets
 from facets import InputError
-from facets.core import AuxiliaryChannel, Mode, Vibration
+from facets.core import STATE_COLUMNS, AuxiliaryChannel, Mode, Vibration
 from facets.responses import (
     OutputChannel,
     estimate_response,
@@ -196,8 +196,8 @@ def test_what_cannot_be_estimated_is_refused(shaken):
 def test_a_data_frame_s_input_has_the_delay_of_its_channel():
     """As the command corrects it: by 2 pi f times the delay in the phase."""
     force = np.random.default_rng(1).standard_normal(4000)
-    poses = pd.DataFrame(dict.fromkeys(("tx_mm", "ty_mm", "roll_mrad", "pitch_mrad"), 0 * force))
-    poses = poses.assign(yaw_mrad=0, tz_mm=2e-3 * force, time_s=1e-3 * poses.index, force_n=force)
+    poses = pd.DataFrame(dict.fromkeys(STATE_COLUMNS[:6], 2e-3 * force))
+    poses = poses.assign(time_s=1e-3 * poses.index, force_n=force)
     config = facets.load("paper")
     channel = AuxiliaryChannel(name="force", unit="N", delay=1e-3)
     late = replace(config, acquire=replace(config.acquire, channels=(channel,)))
