@@ -424,6 +424,22 @@ def test_readings_that_are_not_to_be_followed_are_no_gap_that_is_bridged():
     assert not run.tracker.bridges
 
 
+def test_a_stage_that_meets_a_limit_switch_is_stopped():
+    run = Run()
+    follow = run.model.follow
+
+    def follow_to_the_switch(step):
+        follow(step)
+        run.model.place[0] = min(run.model.place[0], 0.7)
+
+    run.model.follow = follow_to_the_switch
+    run.go()
+    while not run.tracker.stop_reason:
+        run.go(apex=(run.model.place[0] + 0.15, 0.0))
+        assert run.port.now < 12.0
+    assert run.tracker.stop_reason.startswith("the stage accepted a move of")
+
+
 @pytest.mark.parametrize(
     ("seconds", "powers", "outcome"),
     [
