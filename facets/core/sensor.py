@@ -7,8 +7,6 @@ Every object is frozen and checks itself; a `Sensor` is plain data and knows no 
 from __future__ import annotations
 
 import math
-import operator
-from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from itertools import pairwise
@@ -56,13 +54,17 @@ def _lower_bounds(kind: type[Any]) -> dict[str, tuple[float, bool, Any]]:
     return bounds
 
 
-def _numbers_in(value: object) -> Iterator[float]:
-    """The numbers of a field, which may hold tuples of them, or none."""
-    if isinstance(value, int | float):
-        yield value
-    elif isinstance(value, tuple):
-        for item in value:
-            yield from _numbers_in(item)
+def _are_allowed(value: object, lowest: float, with_lowest: bool) -> bool:
+    """Whether the numbers of a field, which may hold tuples of them, or none, are finite and above
+    a bound."""
+    if isinstance(value, tuple):
+        for item in value:  # noqa: SIM110  (no generator: a fit makes thousands of sensors)
+            if not _are_allowed(item, lowest, with_lowest):
+                return False
+        return True
+    if not isinstance(value, int | float):
+        return True
+    return math.isfinite(value) and (value > lowest or (with_lowest and value == lowest))
 
 
 class SensorPart:
@@ -72,9 +74,7 @@ class SensorPart:
         kind: Any = type(self)
         for name, (lowest, is_allowed, null) in _lower_bounds(kind).items():
             value = getattr(self, name)
-            numbers = () if value == null else _numbers_in(value)
-            is_ordered = operator.le if is_allowed else operator.lt
-            if not all(math.isfinite(number) and is_ordered(lowest, number) for number in numbers):
+            if not (_are_allowed(value, lowest, is_allowed) or value == null):
                 bound = f"{lowest:g} or more" if is_allowed else f"above {lowest:g}"
                 allowed = f"finite numbers{f', {bound}' if math.isfinite(lowest) else ''}"
                 _require(False, f"{name} of {kind.__name__}", value, allowed)
