@@ -14,7 +14,7 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..optics.forward import PARAMETERS
-from .arrays import parameter_jacobian
+from .arrays import parameter_slopes
 
 #: The irradiance's covariance in the beam's cross-section, mm^2, which is fitted instead of two
 #: diameters and a rotation, because a round beam has no rotation.
@@ -37,11 +37,17 @@ def axes_of(shape: Floats, near: float = 0.0) -> tuple[float, float, float]:
 
     Raises `InputError` where no beam has that shape.
     """
-    (axes,) = axes_of_shapes(np.reshape(shape, (1, 3)), near).tolist()
-    if not all(axis > 0 for axis in axes[:2]):
-        xx, yy, xy = shape
+    xx, yy, xy = shape
+    middle, half = (xx + yy) / 2, float(np.hypot((xx - yy) / 2, xy))
+    if not middle - half > 0:
         raise InputError(f"no beam has a cross-section of covariance {xx:g}, {yy:g}, {xy:g} mm^2")
-    return axes[0], axes[1], axes[2]
+    if half < 1e-12 * middle:
+        return 4 * float(np.sqrt(middle)), 4 * float(np.sqrt(middle)), near
+    turn = float(np.arctan2(xy, (xx - yy) / 2)) / 2
+    quarters = round((near - turn) / (np.pi / 2))
+    long, short = 4 * float(np.sqrt(middle + half)), 4 * float(np.sqrt(middle - half))
+    turn += quarters * np.pi / 2
+    return (long, short, turn) if quarters % 2 == 0 else (short, long, turn)
 
 
 def axes_of_shapes(shapes: Floats, near: float) -> Floats:
@@ -75,10 +81,9 @@ def shape_derivatives(sensor: Sensor, states: Floats, whole: Floats) -> Floats:
         across = whole[:, :, turn] / (u - v)
     else:
         slanted = replace(sensor, beam=replace(beam, rotation=beam.rotation + np.pi / 4))
-        other = parameter_jacobian(slanted, states)
-        across = other[:, :, x] * beam.diameter_x / (2 * u) - other[:, :, y] * beam.diameter_y / (
-            2 * v
-        )
+        other = parameter_slopes(slanted, states, (x, y))
+        across = other[:, :, 0] * beam.diameter_x / (2 * u)
+        across -= other[:, :, 1] * beam.diameter_y / (2 * v)
     c, s = np.cos(beam.rotation), np.sin(beam.rotation)
     return np.stack(
         [

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..optics.effects import IDEAL, LightOptions
 from ..optics.forward import Geometry, Openings, build_geometry
-from ..scalars.dual import Dual, value_and_slope
+from ..scalars.dual import Dual
 from ..scalars.nesting import leaves, nest
 from .kinds import CUT, LIT
 
@@ -44,11 +44,17 @@ def pack_rows(vectors: Geometry, count: int, width: int = PACKED) -> np.ndarray:
     return rows
 
 
-def pack_slopes(vectors: Geometry) -> np.ndarray:
-    """Pack the derivatives of a sensor's vectors by m variables: (m, ...), each row like `pack`."""
-    slopes = [value_and_slope(number)[1] for number in leaves(vectors)]
-    count = max(np.size(slope) for slope in slopes)
-    return np.array([np.broadcast_to(slope, count) for slope in slopes]).T.copy()
+def pack_slopes(vectors: Geometry, count: int) -> np.ndarray:
+    """Pack the derivatives of a sensor's vectors by some variables: (count, ...), each row like
+    `pack`.
+
+    vectors: of floats, and of `Dual` or complex columns, which carry derivatives.
+    """
+    slopes = np.zeros((count, PACKED))
+    for n, number in enumerate(leaves(vectors)):
+        if isinstance(number, Dual | np.ndarray):
+            slopes[:, n] = number.imag
+    return slopes
 
 
 def vectors_of(writer: Any, pointer: Any, kind: str) -> Geometry:

@@ -23,6 +23,7 @@ from sensors import ALL, ASYMMETRY, PROFILE
 import facets
 from facets import BenchLight
 from facets.model import (
+    EFFECTS,
     arrays,
     blocks,
     effects,
@@ -126,12 +127,15 @@ def floats(task: str, sensor: facets.Sensor, states: Any) -> Any:
 
 
 def parameter_slopes(sensor: facets.Sensor, geometry: Any, state: Any) -> Any:
-    return slopes(arrays.dual_geometry(sensor), geometry, state)
+    light = arrays.light_effects(sensor) if sensor.light.on else None
+    varied = arrays.varying(parameters(sensor), range(30))
+    return slopes(build_geometry(varied, arrays.openings(sensor), light), geometry, state)
 
 
 def effect_slopes(sensor: facets.Sensor, geometry: Any, state: Any) -> Any:
     light = LightEffects(
-        group_by_field(arrays.varying(effects(sensor))), options(sensor, profiled=True)
+        group_by_field(arrays.varying(effects(sensor), range(len(EFFECTS)))),
+        options(sensor, profiled=True),
     )
     plain = LightEffects(group_by_field(effects(sensor).tolist()), light.options)
     moved, own = (build_geometry(parameters(sensor), OPEN, each) for each in (light, plain))

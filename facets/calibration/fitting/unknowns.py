@@ -235,8 +235,7 @@ def sensor_derivatives(sensor: Sensor, states: Floats) -> Floats:
     """The model's derivatives by `GEOMETRY` and `SHAPE`: (n, 9, 30)."""
     whole = arrays.parameter_jacobian(sensor, states)
     out = np.empty((len(states), 9, len(GEOMETRY) + len(SHAPE)))
-    for n, name in enumerate(GEOMETRY):
-        out[:, :, n] = whole[:, :, PARAMETERS.index(name)]
+    out[:, :, : len(GEOMETRY)] = whole[:, :, [PARAMETERS.index(name) for name in GEOMETRY]]
     out[:, :, len(GEOMETRY) :] = shape_derivatives(sensor, states, whole)
     return out
 
