@@ -258,12 +258,6 @@ def displacement_covariance(
     )
 
 
-def carry_pose(poses: Floats, covariances: Floats, body: MeasuredObject) -> ObjectPose:
-    """Absolute poses of an object at mirror poses (n, 6) with covariances (n, 6, 6)."""
-    carried, slopes = object_poses(poses, body)
-    return ObjectPose(carried, None, carry(slopes, covariances), None, None, False)
-
-
 def unpack(
     solution: Solution | ArrayLike, is_framed: bool = False
 ) -> tuple[Floats, Any, Any, CovarianceParts]:
