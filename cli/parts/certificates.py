@@ -40,10 +40,9 @@ def prove(claim: Claim, work: int, file: Path, about: dict[str, str]) -> dict[st
 
 def certify_box(claim: Claim, work: int) -> Certificate:
     sensor, share = claim.settings.sensor, claim.least_share
-    effort = proof.uniqueness.Effort(work)
     with show_progress("proving") as on_progress:
         return proof.uniqueness.certify(
-            sensor, claim.box, share, claim.deviations, effort, lambda done: on_progress(done, 1.0)
+            sensor, claim.box, share, claim.deviations, work, lambda done: on_progress(done, 1.0)
         )
 
 

@@ -98,8 +98,8 @@ def prove_design(better: Config, work: int) -> str:
         box = places.range_box(sensor, rules)
     except InputError as error:
         return f"not proved that readings determine states: {error}"
-    share, effort = places.least_share(sensor, rules), proof.uniqueness.Effort(work)
-    certificate = proof.uniqueness.certify(sensor, box, share, effort=effort)
+    share = places.least_share(sensor, rules)
+    certificate = proof.uniqueness.certify(sensor, box, share, pieces=work)
     if not certificate.share:
         return f"not proved that readings determine states: {certificate.reason}"
     light = light_text(certificate.share, sensor.beam.power)

@@ -29,7 +29,7 @@ from facets.core.sensor import Sensor
 from facets.core.units import Floats
 from facets.model.arrays import parameters, sensor_with
 from facets.proof.certificate import write_certificate
-from facets.proof.uniqueness import Certificate, Effort, certify
+from facets.proof.uniqueness import Certificate, certify
 
 from ..certificate_schema import Refused
 from ..check_certificate import check
@@ -227,7 +227,7 @@ def breaks_uniqueness(case: ProofCase, model: RayModel, rng: np.random.Generator
 def decide(case: ProofCase, rng: np.random.Generator) -> tuple[str, bool]:
     """Return the outcome and whether the search breaks it."""
     model = RayModel(parameters(case.sensor))
-    proof = certify(case.sensor, case.box, case.share, effort=Effort(WORK))
+    proof = certify(case.sensor, case.box, case.share, pieces=WORK)
     if proof.unique:
         return "unique", breaks_bound(case, model, proof, rng) or breaks_uniqueness(
             case, model, rng

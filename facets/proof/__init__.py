@@ -12,6 +12,6 @@ else:
         {
             "certificate": "write_certificate",
             "tolerances": "Tolerances calibration_tolerances",
-            "uniqueness": ("Certificate Effort certify edges_over_rotations slope_of_powers"),
+            "uniqueness": ("Certificate certify edges_over_rotations slope_of_powers"),
         },
     )

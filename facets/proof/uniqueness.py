@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from flint import arb
@@ -58,19 +58,8 @@ LEAST_HULL_MARGIN = 0.15
 PARTS_OF_ANGLES = (1, 1, 3)
 
 
-class Effort(NamedTuple):
-    """How much a proof may take.
-
-    pieces: largest number of pieces that are examined.  seconds: pieces that are not proved within
-    this time count as doubtful; without this limit the outcome is the same on every machine.
-    """
-
-    pieces: int = 20_000
-    seconds: float = np.inf
-
-
-#: The effort of a proof that may take long.
-LONG_EFFORT = Effort()
+#: Largest number of pieces that a proof examines by default.
+MOST_PIECES = 20_000
 
 
 @dataclass
@@ -122,7 +111,7 @@ def certify(
     box: StateBox,
     share: float | None = None,
     tolerances: Sequence[float] | None = None,
-    effort: Effort = LONG_EFFORT,
+    pieces: int = MOST_PIECES,
     on_progress: Callable[[float], None] = lambda _: None,
 ) -> Certificate:
     """Try to prove that the box has no singular state, and no two states with equal readings.
@@ -131,14 +120,10 @@ def certify(
     this share of the light; default: the least anywhere in the box with its offsets, which is then
     covered.
     tolerances: (30,) the proof is for every sensor with parameters within them; mm, rad, mW.
-    effort: pieces and time; pieces that are not proved within it count as doubtful. on_progress:
-    receives the completed part. Only the edges cut the light.
+    pieces: largest number of pieces that are examined; those beyond it count as doubtful.
+    on_progress: receives the completed part. Only the edges cut the light.
     """
     begin = time.perf_counter()
-
-    def is_spent(pieces: int) -> bool:
-        return pieces >= effort.pieces or time.perf_counter() > begin + effort.seconds
-
     certificate = Certificate(
         box, (0.0,) * 30 if tolerances is None else tuple(map(float, tolerances))
     )
@@ -149,7 +134,7 @@ def certify(
                 interval_geometry(sensor, certificate.tolerances),
                 certificate,
                 share,
-                is_spent,
+                pieces,
                 on_progress,
             )
         except LightNotShared:
@@ -164,12 +149,12 @@ def prove(
     geometry: Geometry,
     certificate: Certificate,
     share: float | None,
-    is_spent: Callable[[int], bool],
+    pieces: int,
     on_progress: Callable[[float], None],
 ) -> None:
     """Fill in a certificate.
 
-    is_spent: whether the effort is, after a number of pieces. Raises `LightNotShared`.
+    pieces: largest number that are examined. Raises `LightNotShared`.
     """
     parts = edges_over_rotations(geometry, certificate.box)
     certificate.share = (
@@ -181,7 +166,7 @@ def prove(
     if prove_at_once(geometry, certificate, shares, slope):
         on_progress(1.0)
         return
-    jacobians = prove_pieces(geometry, certificate, shares, slope, is_spent, on_progress)
+    jacobians = prove_pieces(geometry, certificate, shares, slope, pieces, on_progress)
     certificate.regular = not certificate.doubtful
     if certificate.regular:
         conclude(geometry, certificate, shares, jacobians, slope)
@@ -236,7 +221,7 @@ def prove_pieces(
     certificate: Certificate,
     shares: SharingBounds,
     slope: float,
-    is_spent: Callable[[int], bool],
+    pieces: int,
     on_progress: Callable[[float], None],
 ) -> list[Centred]:
     """Sort the box's pieces into proved and doubtful ones; return the Jacobians of the proved
@@ -248,7 +233,7 @@ def prove_pieces(
         low, high, depth = todo.pop()
         jacobian, least = examine_piece(geometry, shares, slope, low, high)
         certificate.work += 1
-        late = is_spent(certificate.work)
+        late = certificate.work >= pieces
         if not (least > 0 or depth == MOST_CUTS or late):
             todo += [(a, b, depth + 1) for a, b in halves_of(low, high, jacobian, certificate.box)]
             continue

@@ -12,7 +12,7 @@ from flint import arb
 import facets
 from facets.characterization import box_of_poses
 from facets.model import parameters, sensor_with
-from facets.proof import Effort, certify, edges_over_rotations, middles, write_certificate
+from facets.proof import certify, edges_over_rotations, middles, write_certificate
 from facets.proof.light_sharing import bounds_at_fixed_shares, hull_of_bounds
 from facets.proof.spot_jacobian import centred_jacobian, interval_geometry, spot_jacobian
 from facets.scalars import intervals
@@ -78,7 +78,7 @@ def test_what_is_forged_is_refused_with_a_reason(content, tmp_path, changes, rea
 
 @pytest.mark.slow
 def test_nothing_is_proved_past_the_singular_sensor():
-    assert not certify(between(1.0), box_of_poses(-HALF, HALF), SHARE, effort=Effort(150)).unique
+    assert not certify(between(1.0), box_of_poses(-HALF, HALF), SHARE, pieces=150).unique
 
 
 @pytest.fixture(scope="module")

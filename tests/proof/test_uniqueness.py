@@ -23,7 +23,6 @@ from facets.characterization import (
 )
 from facets.model import parameters, sensor_with
 from facets.proof import (
-    Effort,
     calibration_tolerances,
     certify,
     edges_over_rotations,
@@ -150,7 +149,7 @@ BENCH = replace(PAPER, light=facets.BenchLight(curvature_xx=1e-3))
     ids=["singular", "blind", "coincident", "cut", "bench", "share", "turned over"],
 )
 def test_what_is_not_so_is_never_certified(sensor, box, share, reason):
-    certificate = certify(sensor, box, share, effort=Effort(400))
+    certificate = certify(sensor, box, share, pieces=400)
     assert not certificate.regular
     assert not certificate.unique
     assert certificate.doubtful or certificate.reason
