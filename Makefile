@@ -121,8 +121,21 @@ docs: .venv/developed
 	JUPYTER_CONFIG_PATH=docs/notebooks $(BIN)/properdocs build --strict --quiet
 
 # The pictures of the documentation.
+DRAW = $(BIN)/facets render docs/gallery/paper.yaml --force -o docs/gallery
+TILTED = --at tx_mm=0.08,ty_mm=0.05,roll_mrad=8,pitch_mrad=6,yaw_mrad=10
+SIZE = --width 1200 --height 750
 gallery: .venv/developed
-	$(BIN)/python -m facets.experiments.studies.gallery docs/gallery
+	$(DRAW)/rig.png $(TILTED) --style dark --width 1440 --height 900
+	$(DRAW)/rig-light.png $(TILTED) --style paper $(SIZE)
+	$(DRAW)/mirror.png $(TILTED) --view mirror --style dark $(SIZE)
+	$(DRAW)/detector.png $(TILTED) --view detector --style dark $(SIZE)
+	$(DRAW)/cutaway.png --view cutaway --style paper $(SIZE)
+	$(DRAW)/range.png --view range --style dark $(SIZE)
+	$(DRAW)/range-track.png --view range --track --style paper $(SIZE)
+	$(DRAW)/trail.png --view trail --motion wander --style dark $(SIZE)
+	$(DRAW)/wobble.gif --motion wobble --frames 40 --frame-rate 12.5 --style dark --width 600 --height 400
+	$(DRAW)/spots.png $(TILTED) --spots
+	$(DRAW)/plan.png --plan
 
 # three.js and Papa Parse as the pages of rigs carry them, in the versions of vendor/package.json there.
 vendor:
