@@ -191,6 +191,17 @@ class PreparedEstimate:
         """Solve a few readings (n, 9) from zero; see `Solver.solve_some`."""
         if self._doubtful or self._unknown_power:
             return None
+        some = self._put_rows(values)
+        some.estimate(self._wide_code)
+        numbers = some.numbers[: len(values)].copy()
+        wandered = self._seeks and (numbers[:, ITERATIONS] > WANDERED).any()
+        if wandered or (self._has_exact and (numbers[:, STATUS] == problem.STALLED).any()):
+            return None
+        return LazySolution.from_numbers(self._put_limits(numbers), self._parts(numbers, warmer))
+
+    def _put_rows(self, values: Floats) -> KeptBlocks:
+        """Put readings (n, 9) into whole blocks, filled up with the last one, each to start at
+        zero."""
         count = len(values)
         rows = -(-count // lanes()) * lanes()
         if self._some is None or len(self._some.numbers) != rows:
@@ -199,12 +210,7 @@ class PreparedEstimate:
         if self._sensor.electronics is not None:
             self._rows.sigmas[:] = standard_deviations(self._sensor, self._rows.values)
         self._starts[:] = self._zero
-        self._some.estimate(self._wide_code)
-        numbers = self._some.numbers[:count].copy()
-        wandered = self._seeks and (numbers[:, ITERATIONS] > WANDERED).any()
-        if wandered or (self._has_exact and (numbers[:, STATUS] == problem.STALLED).any()):
-            return None
-        return LazySolution.from_numbers(self._put_limits(numbers), self._parts(numbers, warmer))
+        return self._some
 
     def _make_some(self, rows: int) -> KeptBlocks:
         self._rows = problem.Readings(
