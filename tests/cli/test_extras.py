@@ -38,7 +38,7 @@ def test_a_missing_package_is_told_before_the_work(package, words, tmp_path, mon
 
 def test_every_extra_is_one_that_the_package_has():
     known = PROJECT["optional-dependencies"]
-    names = {"flint": "python-flint"}
+    names = {"flint": "python-flint", "imageio_ffmpeg": "imageio-ffmpeg"}
     for package, extra in extras.EXTRAS.items():
         assert any(one.startswith(names.get(package, package)) for one in known[extra]), package
 

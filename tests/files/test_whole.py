@@ -195,5 +195,5 @@ def test_a_search_keeps_its_parts_alone_where_its_results_can_not_be_written(
     (tmp_path / "mine.yaml").write_text(OPTIMUM)
     monkeypatch.setattr(ResultSet, "publish", publish)
     assert run_in_process("explore", "mine.yaml", "--designs", "32", "-d", "out")[0] == 2
-    parts = {"out", "out/parts", "out/parts/0000000000.parquet", "out/search.txt"}
+    parts = {"out", "out/parts", "out/parts/0000000000.parquet"}
     assert set(tree(tmp_path)) == {"mine.yaml"} | parts
