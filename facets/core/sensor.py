@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from math import pi
+from numbers import Real
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
@@ -62,8 +63,8 @@ def _are_allowed(value: object, lowest: float, with_lowest: bool) -> bool:
             if not _are_allowed(item, lowest, with_lowest):
                 return False
         return True
-    if not isinstance(value, int | float):
-        return True
+    if not isinstance(value, int | float):  # NumPy's numbers are `Real`
+        return not isinstance(value, Real) or _are_allowed(float(value), lowest, with_lowest)
     return math.isfinite(value) and (value > lowest or (with_lowest and value == lowest))
 
 
@@ -380,6 +381,10 @@ class Electronics(SensorPart):
         ge=0,
         le=1e4,
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _require(self.adc_bits <= 32, "adc_bits", self.adc_bits, "1 to 32")
 
 
 @check_arguments

@@ -86,6 +86,21 @@ def test_what_is_no_array_of_numbers_is_refused(given, fault):
         assert re.search("needed: |allowed: ", str(refused.value)), name
 
 
+@pytest.mark.parametrize(
+    ("part", "numbers"),
+    [
+        (facets.Psd, {"radius": np.int64(-1)}),
+        (facets.Beam, {"power": np.float32(0)}),
+        (facets.Beam, {"power": np.float32("nan")}),
+        (facets.Electronics, {"adc_bits": 33}),
+    ],
+    ids=str,
+)
+def test_bounds_of_a_sensor_hold_for_numbers_of_numpy_too(part, numbers):
+    with pytest.raises(facets.InputError, match=f"^{next(iter(numbers))}"):
+        part(**numbers)
+
+
 @pytest.mark.parametrize(("function", "sound"), CASES)
 def test_names_count_where_there_are_names(function, sound):
     """Columns in any order, with others beside them, and in their units; then rows of them."""
