@@ -27,12 +27,11 @@ Sigmas = dict[str, float]
 #: Effects of light that belong to the mirror's facets.
 OF_FACETS = ("diffraction", "rolloff", "strips", "tip", "coating")
 #: The unknowns of an effect and their prior standard uncertainties, for a sensor, samples and
-#: settings; empty where these do not allow the effect. Without samples (None) only effects of the
-#: light and of the detectors are allowed.
-Unknowns = Callable[[Sensor, Data | None, "Calibrate"], Sigmas]
+#: settings; empty where these do not allow the effect.
+Unknowns = Callable[[Sensor, Data, "Calibrate"], Sigmas]
 
 
-def no_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
+def no_unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
     return {}
 
 
@@ -85,7 +84,7 @@ SIGMAS = {
 }  # fmt: skip
 
 
-def bend_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
+def bend_unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
     return {} if "bend_um" in settings.before else bends_of_all()
 
 
@@ -93,7 +92,7 @@ def bends_of_all() -> Sigmas:
     return {name: size for k in DETECTORS for name, size in bends(k, SIGMAS["bend"]).items()}
 
 
-def spline_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
+def spline_unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
     if any(psd.correction.grid for psd in sensor.psds):  # a table in the configuration stays
         return {}
     return bends_of_all() | dict.fromkeys(SPLINE, SIGMAS["spline"])
@@ -102,24 +101,24 @@ def spline_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> S
 def motion_unknowns(sigma: Sigmas) -> Unknowns:
     """Unknowns that only a motion with known velocities determines."""
 
-    def unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
-        return {} if data is None or data.velocity is None else sigma
+    def unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
+        return {} if data.velocity is None else sigma
 
     return unknowns
 
 
-def backlash_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
+def backlash_unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
     """The unknowns of a backlash, of the axes that the reference measures."""
-    if data is None or data.approach is None or not data.approach.any():
+    if data.approach is None or not data.approach.any():
         return {}
     measured = np.isfinite(data.sigma)
     sizes = [SIGMAS["play"]] * 3 + [SIGMAS["play_angle"]] * 3
     return {name: sizes[n] for n, name in enumerate(BACKLASH) if measured[n]}
 
 
-def lag_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
+def lag_unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
     """The unknowns of a lag; none in a motion that is followed in time, where a lag is a delay."""
-    if data is None or data.velocity is not None:
+    if data.velocity is not None:
         return {}
     axes = (name.partition(".")[2] for name in backlash_unknowns(sensor, data, settings))
     return {f"lag.{axis}": SIGMAS["lag"] for axis in axes}
@@ -129,8 +128,8 @@ def drift_unknowns(*causes: str) -> Unknowns:
     """Unknowns of a drift.  causes: names out of `CLOCKS`, all of which must change."""
     columns = [CLOCKS.index(cause) for cause in causes]
 
-    def unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
-        if data is None or data.clock is None or not np.ptp(data.clock[:, columns], axis=0).all():
+    def unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
+        if data.clock is None or not np.ptp(data.clock[:, columns], axis=0).all():
             return {}
         return {f"{cause}.{what}": SIGMAS["drift"] for cause in causes for what in OF_DRIFT}
 
@@ -173,9 +172,8 @@ EVERY_EFFECT = (
 )  # fmt: skip
 
 
-def candidates(sensor: Sensor, data: Data | None, settings: Calibrate) -> list[Candidate]:
-    """The effects that sensor, table and settings allow; without samples, those of the light, the
-    detectors and the beam."""
+def candidates(sensor: Sensor, data: Data, settings: Calibrate) -> list[Candidate]:
+    """The effects that sensor, table and settings allow."""
     allowed = []
     for effect in EVERY_EFFECT:
         if is_off(effect, settings) or (effect.of_light and sensor.apertures.cut):

@@ -226,9 +226,7 @@ def decide(
     return row._replace(accepted=False, why=why)
 
 
-def add_cheap_candidates(
-    sensor: Sensor, data: Data | None, settings: Calibrate, chosen: Choice
-) -> Choice:
+def add_cheap_candidates(sensor: Sensor, data: Data, settings: Calibrate, chosen: Choice) -> Choice:
     """Add all candidates except a coating, a spline and a moving beam to a choice."""
     for candidate in candidates(sensor, data, settings):
         if not (candidate.effect.tried_last or candidate.effect.beam):

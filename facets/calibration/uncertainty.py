@@ -183,7 +183,8 @@ def add_open_bends(sensor: Sensor, remainder: Remainder, settings: Calibrate) ->
     known, result = sensor.calibration, remainder.fit
     assert known is not None
     size = len(result.choice.names)
-    sigma = {} if settings.effects.get("bend") == "off" else bend_unknowns(sensor, None, settings)
+    is_off = settings.effects.get("bend") == "off"
+    sigma = {} if is_off else bend_unknowns(sensor, remainder.data, settings)
     if not sigma.keys() - set(result.choice.names):
         return sensor
     wide = result.choice.add_unknowns(sigma)
