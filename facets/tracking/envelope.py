@@ -95,7 +95,7 @@ class Envelope:
         self.permit: Permit = ALWAYS
         self.heartbeat: Heartbeat | None = None
         self.beat = clock()
-        self.cried = -math.inf
+        self.emergency_stop_at = -math.inf
         self.sent: tuple[float, Floats] | None = None
         self.encoder: Encoder | None = None
         self.ending = threading.Lock()
@@ -326,9 +326,9 @@ class Envelope:
         patience = max(STALL_S, STALL_PERIODS / self.settings.rate)
         if self.failed or not self.moving or self.clock() - self.beat < patience:
             return
-        if self.clock() - self.cried < STOP_REPEAT_INTERVAL_S:
+        if self.clock() - self.emergency_stop_at < STOP_REPEAT_INTERVAL_S:
             return
-        self.cried, self.stalled = self.clock(), True
+        self.emergency_stop_at, self.stalled = self.clock(), True
         self._begin_stop(STALLED, is_for_auto=True)
 
     def fail(self, reason: str) -> None:
