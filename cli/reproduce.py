@@ -33,7 +33,7 @@ def reproduce(
     """Reproduce the paper's figures, tables and claims.
 
     Prints for each experiment whether its numbers equal the stored references, column by column,
-    and how many of the paper's numbers they agree with to within 10 %. Writes the tables, the
+    and how many of the paper's results they agree with to within 10 %. Writes the tables, the
     figures and the page report.html with all of them into the folder. Exit status 1 if a number
     differs from its stored reference.
     """
@@ -70,7 +70,7 @@ def show(result: ExperimentResult) -> None:
     typer.echo(f"\n{result.name:11}  {verdict}  {result.title} ({result.seconds:.1f} s)")
     met, count = result.agreement
     if count:
-        typer.echo(f"{'':11}  within a tenth of the paper: {met} of its {count} numbers")
+        typer.echo(f"{'':11}  within 10 % of the paper: {met} of {count} results")
     for claim in result.claims:
         numbers = f"{number(claim.paper):>9}  {number(claim.ours):>9}  {number(claim.ratio):>7}"
         typer.echo(f"{'':11}  {'':4}  {numbers}  {claim.unit:9}  {claim.what}")

@@ -65,7 +65,7 @@ class ExperimentResult:
 
     @property
     def agreement(self) -> tuple[int, int]:
-        """Count the paper's numbers that are met within a tenth, and all of them."""
+        """Count the paper's results that are met within 10 %, and all of its results."""
         verdicts = [claim.agrees for claim in self.claims if claim.agrees is not None]
         return sum(verdicts), len(verdicts)
 

@@ -36,13 +36,18 @@ NEAR = 0.1
 
 
 class PaperClaim(NamedTuple):
-    """A number. paper: the paper's value, NaN if it gives none.  why: reason for the ratio."""
+    """A number of the paper beside ours.
+
+    paper: the paper's value, NaN if it gives none.  why: reason for the ratio.  is_input: whether
+    the run takes the number from the paper, so that the two cannot disagree.
+    """
 
     what: str
     unit: str
     paper: float
     ours: float
     why: str
+    is_input: bool = False
 
     @property
     def ratio(self) -> float:
@@ -50,8 +55,8 @@ class PaperClaim(NamedTuple):
 
     @property
     def agrees(self) -> bool | None:
-        """Whether the number agrees with the paper's within `NEAR`; None without one."""
-        if self.paper != self.paper:
+        """Whether a result agrees with the paper's within `NEAR`; None if there is none."""
+        if self.is_input or self.paper != self.paper:
             return None
         return bool(abs(self.ours - self.paper) <= NEAR * abs(self.paper))
 

@@ -65,7 +65,7 @@ def claims(table: Table) -> list[PaperClaim]:
         results += [
             PaperClaim(f"range covered in {axis}", "mm", NONE, 2 * reach,
                   "the paper shows a picture: less than Fig. 10 by limits of its stage"),
-            PaperClaim(f"samples solved in {axis}", "", 1, table["solved"][rows].mean(), ""),
+            PaperClaim(f"samples solved in {axis}", "", NONE, table["solved"][rows].mean(), ""),
             PaperClaim(f"r.m.s. error in {axis}", "um", NONE, float(np.sqrt(np.nanmean(error**2))),
                   "the uncertainty of the stage's encoder that tells where the beam is"),
             PaperClaim(f"beam off the apex in {axis}; most", "um", NONE,

@@ -47,7 +47,8 @@ def claims(table: Table) -> list[PaperClaim]:
     states = int(table["states"].sum())
     positive = table["least"].min() > 0
     return [
-        PaperClaim("states drawn", "", 200_000, states, "the paper says over 200 000"),
+        PaperClaim("states drawn", "", 200_000, states, "an input; the paper says over 200 000",
+              is_input=True),
         PaperClaim("of one sign", "", 1, float(positive),
               "the paper's is negative: its psi runs the other way; a sign is no property"),
         PaperClaim("least determinant", "mm^6 mW^2", NONE, table["least"].min(),

@@ -13,7 +13,7 @@ from facets.pictures import style
 from facets.pictures.style import unit_of
 from facets.simulation.run import pose_table, simulate
 
-from .experiment import PaperClaim, Table
+from .experiment import NONE, PaperClaim, Table
 from .table2 import RESOLUTION
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def errors_in_six_axes(table: Table) -> list[PaperClaim]:
         unit = unit_of(name)[2].replace("µ", "u")
         results.append(PaperClaim(f"twice the r.m.s. error in {name}", unit, paper, off, WHY[name]))
     solved = float((table["status"] == "converged").mean())
-    results.append(PaperClaim("samples solved", "", 1, solved, ""))
+    results.append(PaperClaim("samples solved", "", NONE, solved, ""))
     return results
 
 

@@ -40,7 +40,8 @@ def compute(quick: bool) -> Table:
 
 def claims(table: Table) -> list[PaperClaim]:
     rows = zip(*(table[name].tolist() for name in ("what", "unit", "paper", "ours")), strict=True)
-    return [PaperClaim(what, unit, paper, ours, "") for what, unit, paper, ours in rows]
+    return [PaperClaim(what, unit, paper, ours, "", is_input=True)
+            for what, unit, paper, ours in rows]  # fmt: skip
 
 
 def picture(table: Table) -> Figure | None:
