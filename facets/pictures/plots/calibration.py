@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...calibration.fitting.bundle_adjustment import Data
     from ...calibration.fitting.fit import Fit
 
-#: Ends of the scale of residuals, standard deviations.
+#: Ends of the scale of mean residuals, standard errors.
 ENDS = 3.0
 
 
@@ -27,14 +27,14 @@ def residual_picture(data: Data, result: Fit, table: dict[str, NDArray[Any]]) ->
     """Draw residuals over each detector's face, a row for each reading, and errors of held-back
     poses.
 
-    A cell's hue is the mean residual of the samples whose spots fell there: an unmodelled effect
-    shows as patches, noise does not.
+    A cell's hue is the mean residual of the samples whose spots fell there over the standard error
+    of this mean: noise seldom exceeds 2, an unmodelled effect shows as patches.
     """
     with style.style_context(axes__grid=False):
         picture = style.figure(style.FULL, 8.0)
         parts: Any = picture.subfigures(2, 1, height_ratios=(2.45, 1))
         upper, lower = parts
-        panels = upper.subplots(3, 3, sharex="col", sharey="col")
+        panels = upper.subplots(3, 3, sharex=True, sharey=True)
         for k, letter in enumerate(DETECTORS):
             for row, kind in enumerate(KINDS):
                 image = face(panels[row, k], data.raw[:, 3 * k : 3 * k + 2],
@@ -42,20 +42,21 @@ def residual_picture(data: Data, result: Fit, table: dict[str, NDArray[Any]]) ->
             panels[2, k].set_xlabel("psi, mm")
         for panel in panels[:, 0]:
             panel.set_ylabel("zeta, mm")
-        words = "mean residual in a cell, standard deviations (above: r.m.s.)"
+        words = "mean residual in a cell, its standard errors (above: r.m.s. in noise)"
         style.colour_bar(upper, image, panels, words, shrink=0.6, extend="both")
         draw_comparison(lower, table)
     return picture
 
 
 def face(panel: Axes, spots: Floats, left: Floats, letter: str, kind: str) -> Any:
-    """Draw the mean residuals (n,) at spots (n, 2), in cells; cells without light stay empty."""
+    """Draw mean residuals (n,) at spots (n, 2) over their standard errors, by cells."""
     from matplotlib.colors import TwoSlopeNorm
 
     there = np.isfinite(spots).all(axis=1) & np.isfinite(left)
     psi, zeta = spots[there].T
     image = panel.hexbin(
         psi, zeta, C=left[there], gridsize=14, cmap=diverging(), lw=0.1, mincnt=1,
+        reduce_C_function=lambda values: np.sum(values) / np.sqrt(len(values)),
         norm=TwoSlopeNorm(0, -ENDS, ENDS), rasterized=True,
     )  # fmt: skip
     rms = np.sqrt(np.mean(left[there] ** 2)) if there.any() else np.nan

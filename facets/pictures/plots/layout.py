@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 def layout_picture(table: dict[str, NDArray[Any]]) -> Figure:
     """Draw the comparison of `verification.compare`: each axis after over before, and both numbers.
 
-    A step to the left is finer, or a shorter range; the line at 1 is the value before.
+    The titles say in which direction a layout becomes better; the rings at 1 are the values before.
     """
     hues = chosen_hues()
     marks: dict[str, dict[str, Any]] = {
-        "before": {"marker": "|", "ms": 11, "mew": 1.0},
+        "before": {"marker": "o", "ms": 6, "mfc": hues.ground},
         "after": {"marker": "o", "ms": 6.5},
     }
     if np.isfinite(table["simulated"]).any():
@@ -31,9 +31,9 @@ def layout_picture(table: dict[str, NDArray[Any]]) -> Figure:
     with style.style_context():
         picture = style.figure(style.FULL, 4.9)
         fine, far = picture.subplots(2, 1)
-        draw_steps(fine, table, "u_", "worst standard uncertainty over the volume")
-        draw_steps(far, table, "range_", "symmetric range, twice its nearer end")
-        far.set_xlabel("after over before")
+        draw_steps(fine, table, "u_", "worst standard uncertainty over the volume (← better)")
+        draw_steps(far, table, "range_", "symmetric range, twice its nearer end (better →)")
+        far.set_xlabel("after over before, logarithmic scale")
         for text, mark in marks.items():  # in no axis's hue, since they apply to all axes
             far.plot([], [], ls="", color=hues.ink, label=text, **mark)
         style.panels_legend(picture, [far], 3)
@@ -55,8 +55,9 @@ def draw_steps(panel: Axes, table: dict[str, NDArray[Any]], kind: str, title: st
         before, after, drawn = (float(table[key][n]) for key in ("before", "after", "simulated"))
         share = after / before if before else np.nan
         if np.isfinite(share):
-            panel.plot([1, share], [place, place], color=hues.axes[name], lw=2.4,
+            panel.plot([1, share], [place, place], color=hues.axes[name], lw=1.4,
                        solid_capstyle="butt", zorder=2)  # fmt: skip
+            panel.plot(1, place, "o", color=hues.axes[name], ms=6, mfc=hues.ground, zorder=3)
             panel.plot(share, place, "o", color=hues.axes[name], ms=6.5, zorder=3)
         else:
             panel.annotate("no number", (0.03, place), xycoords=("axes fraction", "data"),

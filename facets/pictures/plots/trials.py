@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,21 +26,21 @@ SHOWN_SHARE = 0.998
 
 def trials_picture(results: dict[str, PropagationResult]) -> Figure:
     """Draw trials of the pose at which the linear result is farthest off, along the two axes that
-    differ most, and the distribution along the first of these."""
+    differ most, and above them the distribution along the first of these."""
     where = max(results, key=lambda name: largest_difference(results[name]).max())
     result = results[where]
     first, second = np.argsort(-largest_difference(result), kind="stable")[:2].tolist()
     with style.style_context():
-        picture = style.figure(style.FULL, 3.5)
-        plane, line = picture.subplots(1, 2)
+        picture = style.figure(style.FULL, 5.0)
+        line, plane = picture.subplots(2, 1, sharex=True, height_ratios=(2, 3))
         picture.suptitle(f"{result.count:,} trials {where}")
         if len(result.trials.poses) < 2:
-            for panel in (plane, line):
+            for panel in (line, plane):
                 style.say(panel, "no trial has a pose")
             return picture
-        draw_plane(plane, result, (first, second))
         draw_distribution(line, result, first)
-        style.panels_legend(picture, (plane, line), 3)
+        draw_plane(plane, result, (first, second))
+        style.panels_legend(picture, (plane, line), 4)
     return picture
 
 
@@ -111,14 +111,19 @@ def draw_distribution(panel: Axes, result: PropagationResult, axis: int) -> None
     along = np.linspace(min(low, -4 * size), max(high, 4 * size), 400)
     normal = np.exp(-((along / size) ** 2) / 2) / (size * np.sqrt(2 * np.pi))
     panel.plot(along, normal, color=hues.accent, lw=1.6)
-    draw_interval(panel, "linear interval", offset_ends(result.linear_interval), hues.accent)
+    peak = max(density.max(), normal.max())
+    draw_interval(panel, -0.09 * peak, offset_ends(result.linear_interval), hues.accent, "linear")
     symmetric = (result.symmetric.low, result.symmetric.high)
-    draw_interval(panel, "interval of the trials", offset_ends(symmetric), hues.ink)
-    panel.set(xlabel=label(axis), yticks=[], ylabel="probability density")
+    draw_interval(panel, -0.24 * peak, offset_ends(symmetric), hues.ink, "of the trials")
+    panel.axhline(0, color=hues.grey, lw=0.8)
+    panel.set(ylim=(-0.34 * peak, 1.08 * peak), yticks=[], ylabel="probability density")
 
 
-def draw_interval(panel: Axes, text: str, ends: Sequence[float], hue: str) -> None:
-    line: dict[str, Any] = {"color": hue, "ls": (0, (4, 2)), "lw": 1.2}
-    for end in ends:
-        panel.axvline(end, **line)
-    panel.plot([], [], label=text, **line)
+def draw_interval(panel: Axes, height: float, ends: Sequence[float], hue: str, whose: str) -> None:
+    """Draw an interval below the densities, with the numbers of its ends if it has any."""
+    if not np.isfinite(ends).all():
+        return
+    panel.plot(ends, [height, height], "|-", color=hue, lw=1.6, ms=7, label=f"interval, {whose}")
+    for end, side, gap in zip(ends, ("right", "left"), (-5, 5), strict=True):
+        panel.annotate(f"{end:.3g}", (end, height), (gap, 0), textcoords="offset points", color=hue,
+                       ha=side, va="center", fontsize=style.LEAST)  # fmt: skip
