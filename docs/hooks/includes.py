@@ -20,6 +20,8 @@ SHOWN = {
     "CONTRIBUTING.md": "docs/contributing.md",
     "experiments/README.md": "docs/claims.md",
 }
+#: Pages that a search lists after all others with the same words.
+LISTED_LATER = ("accuracy", "architecture", "changelog", "decisions", "fast-code", "uniqueness")
 INCLUDE = re.compile(r"<!-- include: (\S+) -->")
 LINK = re.compile(r"(?<!!)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 IMAGE = re.compile(r"(!\[[^\]]*\])\(([^)\s]+)\)")
@@ -29,6 +31,7 @@ CODE = re.compile(r"(^(?:```|~~~).*?^(?:```|~~~)$)|(`[^`\n]+`)", re.DOTALL | re.
 def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
     """The page with what it includes, its links made right for the place where it is shown."""
     here = PurePosixPath("docs") / page.file.src_uri
+    page.meta.setdefault("search", {"boost": 0.2 if here.stem in LISTED_LATER else 1})
     text = INCLUDE.sub(lambda found: included(found[1], here.parent), markdown)
     return outside_code(text, lambda part: LINK.sub(lambda link: leaving(link, here.parent), part))
 

@@ -17,7 +17,7 @@ RIG = hook("rig")
 
 
 def page_at(name):
-    return SimpleNamespace(file=SimpleNamespace(src_uri=name))
+    return SimpleNamespace(file=SimpleNamespace(src_uri=name), meta={})
 
 
 def built(text):
