@@ -21,7 +21,7 @@ SHOWN = {
     "experiments/README.md": "docs/claims.md",
 }
 #: Pages that a search lists after all others with the same words.
-LISTED_LATER = ("accuracy", "architecture", "changelog", "decisions", "fast-code", "uniqueness")
+LISTED_LATER = ("architecture", "decisions", "fast-code", "measurements", "uniqueness")
 INCLUDE = re.compile(r"<!-- include: (\S+) -->")
 LINK = re.compile(r"(?<!!)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 IMAGE = re.compile(r"(!\[[^\]]*\])\(([^)\s]+)\)")
