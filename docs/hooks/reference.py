@@ -4,7 +4,8 @@
 `<!-- run: config list (first 4 lines) -->` by what that command prints when it is run now,
 `<!-- keys: sensor.beam -->` by a table of the keys of that block of a configuration,
 `<!-- keys -->` by a section for every block, `<!-- configurations -->` by the shipped ones, and
-`<!-- face -->` by the signatures and docstrings of all that `import facets` gives.
+`<!-- face: model optics -->` by the signatures and docstrings of what `import facets` gives from
+these folders of the package.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ HELP = re.compile(r"<!-- help: ([a-z -]+) -->")
 RUN = re.compile(r"<!-- run: (config [a-z ]+?)(?: \(first (\d+) lines\))? -->")
 KEYS = re.compile(r"<!-- keys(?:: ([a-z_.]+))? -->")
 CONFIGURATIONS = "<!-- configurations -->"
-FACE = "<!-- face -->"
+FACE = re.compile(r"<!-- face: ([a-z_ ]+) -->")
 #: What the names of `facets` are about, by the folder that they come from.
 SUBJECTS = {
     "config": "Configurations",
@@ -32,8 +33,8 @@ SUBJECTS = {
     "characterization": "Ranges and uncertainties",
     "axis_tests": "Error motions of an axis",
     "responses": "Frequency responses",
-    "calibration": "Calibrating",
     "design": "Layouts",
+    "files": "Tables",
     "live": "Recordings",
     "core": "The sensor and its data",
     "detectors": "Noise of the detectors",
@@ -47,9 +48,8 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
     text = HELP.sub(lambda found: f"```text\n{help_of(found[1])}\n```", markdown)
     text = RUN.sub(lambda found: run(found[1], int(found[2] or 0)), text)
     text = KEYS.sub(lambda found: keys_of(found[1]) if found[1] else all_keys(), text)
-    for marker, made in ((CONFIGURATIONS, configurations), (FACE, face)):
-        text = text.replace(marker, made()) if marker in text else text
-    return text
+    text = FACE.sub(lambda found: face(found[1].split()), text)
+    return text.replace(CONFIGURATIONS, configurations()) if CONFIGURATIONS in text else text
 
 
 @cache
@@ -125,20 +125,21 @@ def opening(name: str) -> str:
     return re.split(r"(?<=[^A-Z.][.?]) (?=[A-Z])", words)[0]
 
 
-def face() -> str:
-    """The names of the package by subject; the builder fills in what the code says of each."""
+def face(folders: list[str]) -> str:
+    """The package's names from some folders, by subject; the builder fills in the docstrings."""
     import facets
 
-    by_folder: dict[str, list[str]] = {}
+    lines = []
     homes = {name: file for file, names in facets._NAMES_OF.items() for name in names.split()}
-    for name, file in sorted(homes.items()):
-        by_folder.setdefault(file.split(".")[0], []).append(f"::: facets.{file}.{name}")
-    order = [*SUBJECTS, *sorted(set(by_folder) - set(SUBJECTS))]
-    return "\n".join(
-        f"## {SUBJECTS.get(folder, folder.capitalize())}\n\n" + "\n".join(by_folder[folder]) + "\n"
-        for folder in order
-        if folder in by_folder
-    )
+    for folder in folders:
+        lines += [f"## {SUBJECTS[folder]}", ""]
+        lines += [
+            f"::: facets.{file}.{name}"
+            for name, file in sorted(homes.items())
+            if file.split(".")[0] == folder
+        ]
+        lines.append("")
+    return "\n".join(lines)
 
 
 def all_keys() -> str:

@@ -93,7 +93,10 @@ def test_the_figures_of_the_readme_are_those_of_the_full_tables():
     """So that a new measurement is not told in one place alone."""
     number = re.compile(r"\d[\d.,]*(?:e[-+]?\d+)?")
     tables = re.sub(
-        r"\n## What is neglected.*?(?=\n## |$)", "", (DOCS / "measurements.md").read_text(), flags=re.S
+        r"\n## What is neglected.*?(?=\n## |$)",
+        "",
+        (DOCS / "measurements.md").read_text(),
+        flags=re.S,
     )
     whole = {figure.rstrip(",.") for figure in number.findall(tables)}
     section = prose(ROOT / "README.md").split("## How exact, how fast")[1].split("\n## ")[0]
