@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import errno
 import os
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -52,7 +53,9 @@ NEXUS = ("NX_class", "default")
 #: Memory in which the library holds the end of each dataset before it writes it, bytes.
 CACHE_BYTES = 2**20
 #: Numbers in a chunk of a dataset, which is compressed and read as a whole.
-CHUNK_NUMBERS = 8192
+CHUNK_NUMBERS = 25_000
+#: Bytes of noise at the beginning of a row of bytes that make it be stored as it is.
+SAMPLE_BYTES = 256
 
 
 @contextmanager
@@ -228,7 +231,7 @@ class Hdf5Writer:
         with system_errors():
             for name, values in packed.items():
                 self.data[name].resize(self.rows, axis=0)
-                self.data[name][start:] = values
+                write_rows(self.data[name], start, values)
 
     def require_space(self, packed: Mapping[str, Any]) -> None:
         """Raise `OSError` before the disk is full: then the library cannot close its file, and
@@ -242,6 +245,31 @@ class Hdf5Writer:
     def close(self) -> None:
         with system_errors():
             self.file.close()
+
+
+def write_rows(dataset: Any, start: int, values: Any) -> None:
+    """Write rows of a dataset from `start` on: whole chunks of numbers here, the rest, which is
+    more expensive, by the library."""
+    length = dataset.chunks[0]
+    for piece in np.split(values, range(-start % length, len(values), length)):
+        if len(piece) == length and dataset.dtype == values.dtype != object:
+            dataset.id.write_direct_chunk((start, *(0,) * (values.ndim - 1)), compress(piece))
+        elif len(piece):
+            dataset[start : start + len(piece)] = piece
+        start += len(piece)
+
+
+def compress(numbers: Any) -> bytes:
+    """Compress a chunk into what the library's filters, shuffle and gzip, decompress, in a quarter
+    of their time: bytes of equal significance are a row, and a row of noise, such as the last bytes
+    of floats, is stored."""
+    rows = np.ascontiguousarray(numbers).view(np.uint8).reshape(-1, numbers.itemsize).T
+    rows, parts = np.ascontiguousarray(rows), [b"\x78\x01"]
+    for row in rows:
+        is_noise = len(zlib.compress(row[:SAMPLE_BYTES], 1)) >= SAMPLE_BYTES
+        stream = zlib.compressobj(0 if is_noise else 1, wbits=-15, strategy=zlib.Z_RLE)
+        parts += [stream.compress(row), stream.flush(zlib.Z_SYNC_FLUSH)]
+    return b"".join([*parts, b"\x03\x00", zlib.adler32(rows).to_bytes(4, "big")])
 
 
 def add_group(parent: Any, name: str, kind: str) -> Any:

@@ -97,24 +97,36 @@ def record_batch(columns: Columns) -> Any:
 
 
 def arrow_column(values: Any) -> Any:
-    """Make an Arrow column: numbers without a copy, texts one after the other.
+    """Make an Arrow column: numbers without a copy, words from those that differ.
 
     `pyarrow.array` would first import pandas to check whether the values are a pandas series, which
     takes longer than solving a small table.
     """
     import pyarrow as pa
 
-    array = np.asarray(values)
-    if array.ndim == 1 and array.size and array.dtype in (np.float64, np.int64):
-        memory = pa.py_buffer(np.ascontiguousarray(array))
-        return pa.Array.from_buffers(pa.from_numpy_dtype(array.dtype), array.size, [None, memory])
-    if array.ndim == 1 and array.size and array.dtype.kind == "U":
-        texts = [text.encode() for text in array.tolist()]
-        ends = np.cumsum([0, *map(len, texts)])
-        if ends[-1] < 2**31:
-            parts = [None, pa.py_buffer(ends.astype(np.int32)), pa.py_buffer(b"".join(texts))]
-            return pa.Array.from_buffers(pa.string(), array.size, parts)
-    return pa.array(values)
+    array = np.ascontiguousarray(values)
+    if (
+        array.ndim > 1
+        or not array.size
+        or array.dtype.kind not in "iufU"
+        or not array.dtype.isnative
+    ):
+        return pa.array(values)
+    if array.dtype.kind != "U":
+        return fixed_size_column(pa.from_numpy_dtype(array.dtype), array)
+    coded = fixed_size_column(pa.binary(array.itemsize), array).dictionary_encode()
+    words = np.frombuffer(coded.dictionary.buffers()[1], array.dtype)
+    texts = [word.encode() for word in words.tolist()]
+    ends = np.cumsum([0, *map(len, texts)], dtype=np.int32)
+    parts = [None, pa.py_buffer(ends), pa.py_buffer(b"".join(texts))]
+    return pa.Array.from_buffers(pa.string(), len(texts), parts).take(coded.indices)
+
+
+def fixed_size_column(kind: Any, array: Any) -> Any:
+    """The memory of an array (n,) as an Arrow column of a type that has as many bytes."""
+    import pyarrow as pa
+
+    return pa.Array.from_buffers(kind, len(array), [None, pa.py_buffer(array)])
 
 
 def add_units(schema: Any, about: Mapping[str, str]) -> Any:
@@ -133,10 +145,16 @@ class ParquetWriter:
     """Appends blocks of rows to a Parquet table, whose columns are those of the first block."""
 
     def __init__(self, path: Path, about: Mapping[str, str], columns: Columns) -> None:
-        _, pq = require_arrow(path)
+        pa, pq = require_arrow(path)
         schema = add_units(record_batch(columns).schema, about)
         self.raw = path.open("wb")
-        self.file = pq.ParquetWriter(self.raw, schema)
+        floats = [field.name for field in schema if pa.types.is_float64(field.type)]
+        self.file = pq.ParquetWriter(
+            self.raw,
+            schema,
+            use_dictionary=[name for name in schema.names if name not in floats],
+            use_byte_stream_split=floats,
+        )
 
     def write(self, columns: Columns) -> None:
         self.file.write_batch(record_batch(columns))

@@ -1,5 +1,7 @@
 """Tables in HDF5: independent readers find numbers, units, axes and uncertainties."""
 
+from itertools import pairwise
+
 import h5py
 import numpy as np
 import pytest
@@ -102,6 +104,25 @@ def test_pymodaq_reads_numbers_and_units(path, tmp_path, monkeypatch):
     assert node.read().tolist() == make_columns()["tz_mm"].tolist()
     assert node.attrs["units"] == "mm"
     browser.close_file()
+
+
+def test_blocks_of_any_length_are_read_to_the_bit(tmp_path):
+    """Chunks of noise, repeated numbers, counters, small numbers, words and covariances, some of
+    them whole in one block."""
+    count, rng = 52_000, np.random.default_rng(3)
+    columns = {
+        "tx_mm": rng.standard_normal(count),
+        "bx_mm": np.full(count, 0.1),
+        "seq": np.arange(count),
+        "flags": rng.integers(0, 9, count, np.uint8),
+        "status": rng.choice(["converged", "no light"], count).astype(object),
+    } | {cov_name(i, j): rng.random(count) for i in range(6) for j in range(i, 6)}
+    with tables.open_writer(tmp_path / "t.h5", {}) as writer:
+        for start, stop in pairwise([0, 10, 51_000, count]):
+            writer.write({name: values[start:stop] for name, values in columns.items()})
+    read = tables.read_columns(tmp_path / "t.h5")
+    for name, values in columns.items():
+        np.testing.assert_array_equal(read[name], values)
 
 
 def test_rows_are_the_axis_of_a_table_without_times(tmp_path):

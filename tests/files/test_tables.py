@@ -207,7 +207,9 @@ def test_other_bad_files_are_named(tmp_path, write):
 def test_what_is_written_is_read_back_to_the_bit(tmp_path, ending):
     path = tmp_path / f"t{ending}"
     a = np.array([0.1, -1e-300, 5e300, np.nan, 1 / 3])
-    tables.write_table(path, {"a": a, "word": np.array(["x y"] * 5), "b": a * 2}, {"seed": "1"})
+    words = ["x y", "ü", "", "x y", "日"]
+    tables.write_table(path, {"a": a, "word": np.array(words), "b": a * 2}, {"seed": "1"})
+    assert tables.read_words(path, "word") == words
     columns, lines, bad = read(path, rows=2)
     assert bad == []
     assert lines == list(range(3, 8) if ending.startswith(".csv") else range(1, 6))
