@@ -14,20 +14,20 @@ import re
 import sys
 import warnings
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
-from io import TextIOWrapper
-from itertools import chain, islice
+from io import BytesIO, StringIO, TextIOWrapper
+from itertools import groupby, islice, tee
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..core.errors import InputError
 from ..core.names import READING_COLUMNS, escape_undecodable
 from ..core.plain_numbers import plain_number
-from ..core.units import Booleans, Floats, describe_bounds, find_implausible
+from ..core.units import Booleans, Floats, Integers, describe_bounds, find_implausible
 from . import frame_table, hdf5_table, parquet_table, tdms_table
 from .columns import CONFIGURATION, TIME_HINT, Columns, columns_to_read
 from .columns import Chunk as Chunk
@@ -150,24 +150,24 @@ def open_bytes(path: Path) -> Iterator[Any]:
         raise InputError(f"{path}: cannot be read: {reason}") from None
 
 
+#: Bytes that are read, and rows that are written at a time: their texts fit into a cache.
+BLOCK_BYTES, BLOCK_ROWS = 100_000, 1000
+
+
+class Block(NamedTuple):
+    """Whole lines of a file.  line: the number of the first, from 1."""
+
+    line: int
+    text: bytes
+
+
 class Sheet:
-    """An open CSV table after its header: rows with their line numbers."""
+    """An open CSV table after its header: its lines in blocks, and rows with their line numbers."""
 
     def __init__(self, path: Path, raw: Any) -> None:
-        self.path, self.raw = path, raw
-        file = TextIOWrapper(raw, encoding="utf-8-sig", errors="replace", newline="")
-        header, self.first, self.head, declared = "", 0, {}, ""
-        for self.first, header in enumerate(file, start=1):
-            if declaration := re.fullmatch(r'(?i)"?sep= ?(.)"?\s*', header):  # Excel's
-                declared = declaration[1]
-            elif header.strip() and not header.startswith("#"):
-                break
-            key, mark, value = header[1:].partition(":")
-            if mark:
-                self.head[key.strip()] = value.strip()
-        else:
-            raise InputError(f"{path}: is empty: it has no header and no rows")
-        self.file, self.delimiter = file, declared or delimiter_of(header)
+        self.path, self.raw, self.file = path, raw, raw
+        self.head: dict[str, str] = {}
+        header = self.take_header()
         try:
             names = next(csv.reader([header], delimiter=self.delimiter), [])
         except csv.Error as error:
@@ -177,24 +177,78 @@ class Sheet:
             self.names.pop()
         #: Cells that a row may have besides, if they are empty.
         self.spare = 1 + len(names) - len(self.names)
-        # numbers need no quotes, and a stray one must not swallow the lines that follow it
-        self.reader = csv.reader(file, delimiter=self.delimiter, quoting=csv.QUOTE_NONE)
 
-    def rows(self) -> Iterator[tuple[int, list[str]]]:
+    def take_header(self) -> str:
+        """Read the lines up to the header, which is returned.
+
+        `first` becomes the number of its line, `head` the provenance before it, and `delimiter`
+        that of the table.
+        """
+        declared, self.first = "", 0
+        for part in self.raw:
+            # one line, but where lines end with CR alone, as on old systems
+            lines = part.splitlines(keepends=True)
+            for n, line in enumerate(lines, start=1):
+                self.first += 1
+                header = line.decode("utf-8-sig" if self.first == 1 else "utf-8", "replace")
+                if declaration := re.fullmatch(r'(?i)"?sep= ?(.)"?\s*', header):  # Excel's
+                    declared = declaration[1]
+                elif header.strip() and not header.startswith("#"):
+                    self.delimiter = declared or delimiter_of(header)
+                    if n < len(lines):
+                        self.file = BytesIO(b"".join([*lines[n:], self.raw.read()]))
+                    return header
+                key, mark, value = header[1:].partition(":")
+                if mark:
+                    self.head[key.strip()] = value.strip()
+        raise InputError(f"{self.path}: is empty: it has no header and no rows")
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the lines after the header in blocks."""
+        line = self.first + 1
+        while text := self.file.read(BLOCK_BYTES):
+            text += self.file.readline()
+            yield Block(line, text)
+            line += text.count(b"\n")
+            if b"\r" in text:
+                line += text.count(b"\r") - text.count(b"\r\n")
+
+    def rows(self, blocks: Iterable[Block]) -> Iterator[tuple[int, list[str]]]:
         """Yield line numbers, from 1, and cells; skip comments, empty lines, and empty cells at
         the end of a row that has more cells than the header."""
         width = len(self.names)
-        while True:
+        for block in blocks:
+            text = StringIO(block.text.decode(errors="replace"), newline="")
+            # numbers need no quotes, and a stray one must not swallow the lines that follow it
+            reader = csv.reader(text, delimiter=self.delimiter, quoting=csv.QUOTE_NONE)
+            before = block.line - 1
             try:
-                row = next(self.reader)
-            except StopIteration:
-                return
+                for row in reader:
+                    if row and not row[0].startswith("#"):
+                        is_empty = len(row) > width and not "".join(row[width:]).strip()
+                        yield before + reader.line_num, row[:width] if is_empty else row
             except csv.Error as error:
-                line = self.first + self.reader.line_num
+                line = before + reader.line_num
                 raise InputError(f"{self.path}:{line}: not a line of a table: {error}") from None
-            if row and not row[0].startswith("#"):
-                is_empty = len(row) > width and not "".join(row[width:]).strip()
-                yield self.first + self.reader.line_num, row[:width] if is_empty else row
+
+    def plain_numbers(self, text: bytes, places: Sequence[int]) -> Floats | None:
+        """The numbers (n, columns) of a block whose lines are rows of plain numbers and words.
+
+        None for a block that has another line, or no plain number in one of `places`.
+        """
+        mark, width = self.delimiter.encode(), len(self.names)
+        # an empty line is not a row, and the reader of rows refuses longer cells
+        if width == 1 or self.spare > 1 or len(text) > csv.field_size_limit():
+            return None
+        if not text.endswith(b"\n"):
+            return None
+        end = b"\r\n" if text.endswith(b"\r\n") else b"\n"
+        marks = (mark * (width - 1) + end) * text.count(b"\n")
+        for characters, parse in ((NUMERIC, parse_numbers), (WORDY, parse_words)):
+            if text.translate(None, characters.replace(mark, b"")) == marks:
+                with suppress(ValueError):
+                    return parse(text, mark, width, places)
+        return None
 
     def columns_to_read(self, needed: Sequence[str], optional: Sequence[str]) -> list[str]:
         """Names of the columns to read; errors say which line was taken for the header."""
@@ -210,6 +264,31 @@ class Sheet:
 
     def bytes_read(self) -> int:
         return os.lseek(self.raw.fileno(), 0, os.SEEK_CUR) if self.raw.seekable() else 0
+
+
+#: Bytes of numbers, and of lines that are no comments.
+NUMERIC = b"0123456789+-.eE "
+WORDY = bytes(range(32, 127)).replace(b"#", b"")
+
+
+def parse_numbers(text: bytes, mark: bytes, width: int, places: Sequence[int]) -> Floats:
+    """Numbers (n, columns) of lines that have `width` numbers of JSON."""
+    import orjson
+
+    flat = text[:-1].replace(b"\n", b",").replace(mark, b",")
+    table = np.array(orjson.loads(b"[%b]" % flat), dtype=float).reshape(-1, width)
+    if not table.all() and re.search(rb"-0\s*(,|$)", flat):
+        raise ValueError("-0 is an integer of JSON, which has no sign")
+    return table[:, places]
+
+
+def parse_words(text: bytes, mark: bytes, width: int, places: Sequence[int]) -> Floats:
+    """Numbers (n, columns) of lines that have `width` numbers and words; NaN for empty cells, but
+    not the first of a line."""
+    mark_before_gap = rb"%b(?=%b|\r|\n)" % (2 * (re.escape(mark),))
+    filled = re.sub(mark_before_gap, lambda match: match[0] + b"nan", text)
+    lines = filled.decode().splitlines()
+    return np.loadtxt(lines, delimiter=mark.decode(), comments=None, usecols=places, ndmin=2)
 
 
 def read_head(path: Path) -> dict[str, str]:
@@ -252,7 +331,7 @@ def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floa
     with open_sheet(path) as sheet:
         use = sheet.columns_to_read(names or sheet.names, ())
         places, rows = [sheet.names.index(name) for name in use], []
-        for line, row in sheet.rows():
+        for line, row in sheet.rows(sheet.blocks()):
             if len(row) != len(sheet.names):
                 raise sheet.refuse_width(line, row)
             try:
@@ -274,7 +353,9 @@ def read_words(source: Source, name: str) -> list[str] | None:
         if name not in sheet.names:
             return None
         place = sheet.names.index(name)
-        return [unquote(row[place]) if place < len(row) else "" for _, row in sheet.rows()]
+        return [
+            unquote(row[place]) if place < len(row) else "" for _, row in sheet.rows(sheet.blocks())
+        ]
 
 
 def read_csv(
@@ -282,40 +363,66 @@ def read_csv(
 ) -> Iterator[Chunk]:
     with open_sheet(path) as sheet:
         use = sheet.columns_to_read(needed, optional)
-        places, width = [sheet.names.index(name) for name in use], len(sheet.names)
-        numbered = sheet.rows()
-        first = list(islice(numbered, LOOKED_AT))
-        whole = [(line, row) for line, row in first if len(row) == width]
-        if first and not whole:
-            raise sheet.refuse_width(*first[0])
-        refuse_words(path, dict(zip(use, places, strict=True)), whole)
-        numbered = chain(first, numbered)
-        while block := list(islice(numbered, rows)):
-            values, bad = numbers([row for _, row in block], places, width)
-            yield Chunk(
-                columns=dict(zip(use, values.T, strict=True)),
-                lines=np.array([line for line, _ in block]),
-                unparsable=bad,
-                bytes_read=sheet.bytes_read(),
-            )
+        blocks, again = tee(sheet.blocks())
+        refuse_words(sheet, use, list(islice(sheet.rows(again), LOOKED_AT)))
+        del again  # it would keep all blocks
+        for lines, values, bad in equal_pieces(read_pieces(sheet, use, blocks, rows), rows):
+            columns = dict(zip(use, values.T, strict=True))
+            yield Chunk(columns, lines, bad, sheet.bytes_read())
+
+
+#: Line numbers (n,), numbers (n, columns) of these rows, and which of them are not numbers (n,).
+Piece = tuple[Integers, Floats, Booleans]
+
+
+def read_pieces(
+    sheet: Sheet, names: Sequence[str], blocks: Iterable[Block], rows: int
+) -> Iterator[Piece]:
+    """Yield the numbers of a table in pieces of at most `rows`, by blocks where these are plain."""
+    places = [sheet.names.index(name) for name in names]
+    for block in blocks:
+        values = sheet.plain_numbers(block.text, places)
+        if values is not None:
+            yield block.line + np.arange(len(values)), values, np.zeros(len(values), bool)
+            continue
+        numbered = sheet.rows([block])
+        while part := list(islice(numbered, rows)):
+            lines, cells = zip(*part, strict=True)
+            yield np.array(lines), *numbers(cells, places, len(sheet.names))
+
+
+def equal_pieces(pieces: Iterable[Piece], rows: int) -> Iterator[Piece]:
+    """Yield the same rows in pieces of `rows`, but for the last."""
+    waiting, count = list[Piece](), 0
+    for piece in pieces:
+        waiting.append(piece)
+        count += len(piece[0])
+        while count >= rows:
+            joined = [np.concatenate(arrays) for arrays in zip(*waiting, strict=True)]
+            yield tuple(array[:rows] for array in joined)
+            waiting = [tuple(array[rows:] for array in joined)]
+            count -= rows
+    if count:
+        yield tuple(np.concatenate(arrays) for arrays in zip(*waiting, strict=True))
 
 
 #: A column that holds only words in this number of rows is taken for a column of words.
 LOOKED_AT = 1000
 
 
-def refuse_words(
-    path: Path, places: Mapping[str, int], rows: Sequence[tuple[int, list[str]]]
-) -> None:
-    """Raise `InputError` for a column that holds words and no number in the checked rows."""
-    for name, place in places.items():
-        cells = [(line, row[place].strip()) for line, row in rows]
-        words = [(line, cell) for line, cell in cells if not is_number(cell)]
-        if words and len(words) == len(cells) and len(cells) > 1:
-            line, word = words[0]
+def refuse_words(sheet: Sheet, names: Sequence[str], rows: Sequence[tuple[int, list[str]]]) -> None:
+    """Raise `InputError` for a column that holds words and no number in the checked rows, or if
+    none of these rows has as many cells as the header."""
+    whole = [(line, row) for line, row in rows if len(row) == len(sheet.names)]
+    if rows and not whole:
+        raise sheet.refuse_width(*rows[0])
+    for name in names:
+        place = sheet.names.index(name)
+        if len(whole) > 1 and not any(is_number(row[place]) for _, row in whole):
+            line, word = whole[0][0], whole[0][1][place].strip()
             hint = "; write decimals after a point" if is_number(word.replace(",", ".")) else ""
             raise InputError(
-                f"{path}:{line}: column {name} holds {word[:40]!r}, not a number{hint}"
+                f"{sheet.path}:{line}: column {name} holds {word[:40]!r}, not a number{hint}"
                 f"{TIME_HINT if name == 'time_s' else ''}"
             )
 
@@ -331,11 +438,6 @@ def unquote(cell: str) -> str:
     return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
 
 
-def is_plain(text: str) -> bool:
-    """Return whether NumPy reads the numbers of a text as `number` does."""
-    return text.isascii() and "_" not in text
-
-
 def is_number(cell: str) -> bool:
     try:
         number(cell)
@@ -344,13 +446,11 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def numbers(rows: list[list[str]], places: list[int], width: int) -> tuple[Floats, Booleans]:
+def numbers(
+    rows: Sequence[list[str]], places: Sequence[int], width: int
+) -> tuple[Floats, Booleans]:
     """Convert cells to floats (n, columns), empty ones to NaN; flag rows that are not numbers."""
     bad = np.array([len(row) != width for row in rows])
-    cells = [[row[i] or "nan" for i in places] for row in rows] if not bad.any() else None
-    if cells is not None and is_plain("".join(map("".join, cells))):
-        with suppress(ValueError):
-            return np.array(cells, dtype=float).reshape(len(rows), len(places)), bad
     values = np.full((len(rows), len(places)), np.nan)
     for n in np.flatnonzero(~bad):
         try:
@@ -371,14 +471,18 @@ def read_columns(path: Path) -> Columns:
     # before 3.1 the last digit of a number was by default not that of the text
     is_exact = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     exact: Any = {} if is_exact else {"float_precision": "round_trip"}
-    with open_sheet(path) as sheet, warnings.catch_warnings():
+    with (
+        open_sheet(path) as sheet,
+        TextIOWrapper(sheet.file, "utf-8", "replace", newline="") as text,
+        warnings.catch_warnings(),
+    ):
         sheet.columns_to_read((), ())
         spare = list(range(sheet.spare))
         # pandas would leave the last cells of a first row with too many out
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
             frame = pd.read_csv(
-                sheet.file, names=[*sheet.names, *spare], sep=sheet.delimiter, comment="#",
+                text, names=[*sheet.names, *spare], sep=sheet.delimiter, comment="#",
                 skipinitialspace=True, index_col=False, keep_default_na=False,
                 na_values=["", "nan"], quoting=csv.QUOTE_NONE, **exact,
             )  # fmt: skip
@@ -394,7 +498,7 @@ def read_columns(path: Path) -> Columns:
 def refuse_wide_rows(path: Path) -> None:
     """Raise `InputError` for the first row that has more cells than the header."""
     with open_sheet(path) as sheet:
-        for line, row in sheet.rows():
+        for line, row in sheet.rows(sheet.blocks()):
             if len(row) > len(sheet.names):
                 raise sheet.refuse_width(line, row)
 
@@ -420,18 +524,41 @@ def read_frame(path: Path) -> DataFrame:
     return make_frame(read_columns(path), read_head(path))
 
 
-def text_cells(values: Any) -> list[str]:
-    """Write a column's values as text; floats have the digits that give the same float again."""
-    import orjson
-
+def cells_of(values: Any) -> Any:
+    """A column's values as they are if JSON writes them as CSV has them, otherwise their texts;
+    floats have the digits that give the same float again."""
     array = np.ascontiguousarray(values)
-    if array.dtype.kind in "biuf" and array.size and not np.isinf(array).any():
-        text = orjson.dumps(array, option=orjson.OPT_SERIALIZE_NUMPY).decode()
-        return text[1:-1].replace("null", "nan").split(",")
+    if array.dtype.kind in "biuf" and not np.isinf(array).any():
+        return array
     texts = ["" if value is None else str(value) for value in array.tolist()]
-    if array.dtype.kind in "OU" and any(mark in "".join({*texts}) for mark in ',"\r\n'):
+    if array.dtype.kind in "OU" and {*',"\r\n'} & {*"".join({*texts})}:
         raise ValueError("a cell holds a comma, a quote or a line break")
     return texts
+
+
+def joined_cells(columns: Iterable[Any]) -> Iterator[Any]:
+    """Yield the cells of columns (n,); of neighbours that hold numbers of one type, as (n, m)."""
+
+    def kind_of(cells: Any) -> str:
+        return "" if isinstance(cells, list) else cells.dtype.str
+
+    for kind, run in groupby(map(cells_of, columns), kind_of):
+        if kind:
+            yield np.column_stack(list(run))
+        else:
+            yield from run
+
+
+def texts_of(cells: Any) -> list[str]:
+    """The texts of cells, of which each row is joined."""
+    import orjson
+
+    if isinstance(cells, list):
+        return cells
+    text = orjson.dumps(cells, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+    if np.isnan(cells).any():
+        text = text.replace("null", "nan")
+    return [row[2:] for row in f",{text[1:-2]}".split("]")]  # [[1.0,2.0],[3.0,4.0]]
 
 
 def head_lines(about: Mapping[str, str]) -> list[str]:
@@ -455,8 +582,12 @@ class CsvWriter:
         return (gzip.open if path.suffix.lower() == ".gz" else open)(path, "wb")
 
     def write(self, columns: Columns) -> None:
-        rows = zip(*map(text_cells, columns.values()), strict=True)
-        self.file.write("".join(f"{','.join(row)}\n" for row in rows).encode())
+        cells = list(joined_cells(columns.values()))
+        (count,) = {len(values) for values in cells} or {0}
+        for start in range(0, count, BLOCK_ROWS):
+            texts = (texts_of(values[start : start + BLOCK_ROWS]) for values in cells)
+            lines = map(",".join, zip(*texts, strict=True))
+            self.file.write("\n".join([*lines, ""]).encode())
 
     def close(self) -> None:
         if self.is_stream:
