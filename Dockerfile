@@ -1,5 +1,5 @@
 # facets and its virtual bench: docker run --rm facets simulate paper --folder /tmp/paper
-# Without extras, whose libraries take 1.5 GB: pip install them on top of it.
+# Without extras, whose libraries take 1.4 GB: pip install them on top of it.
 FROM python:3.13-slim AS build
 COPY . /source
 RUN python -m venv /opt/facets \

@@ -111,10 +111,14 @@ image:
 	docker build --tag facets .
 	docker run --rm facets simulate paper --folder /tmp/paper
 
+# What a target needs that `make run` does not: an extra of pyproject.toml.
+EXTRA = $(BIN)/uv pip install --quiet --python $(BIN)/python "facets-6dof[$(1)]"
 bench: .venv/installed
+	$(call EXTRA,bench)
 	$(BIN)/facets bench --folder results/bench --force
 
 reproduce: .venv/installed
+	$(call EXTRA,proof)
 	$(BIN)/facets reproduce $(QUICK) --folder results/reproduce --force
 
 docs: .venv/developed
@@ -148,7 +152,7 @@ vendor:
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet uv
-	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable ".[bench,design,scenes]"
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --editable .
 	touch $@
 
 .venv/developed: .venv/installed

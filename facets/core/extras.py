@@ -12,11 +12,11 @@ from .errors import InputError
 EXTRAS = {
     "SALib": "design",
     "aiohttp": "web",
+    "av": "scenes",
     "casadi": "design",
     "distributed": "cluster",
     "flint": "proof",
     "h5py": "hdf5",
-    "imageio_ffmpeg": "scenes",
     "mcap": "mcap",
     "mpmath": "bench",
     "nidaqmx": "ni",

@@ -130,7 +130,7 @@ NEEDS = [
     ("plotly", ["explore", "layout", "--report", "x.html"]),
     ("pyvista", ["render", "paper", "-o", "x.png"]),
     ("pyvista", ["render", "paper", "-o", "x.gltf"]),
-    ("imageio_ffmpeg", ["render", "paper", "--motion", "multi-axis", "-o", "x.mp4"]),
+    ("av", ["render", "paper", "--motion", "multi-axis", "-o", "x.mp4"]),
     ("casadi", ["optimize", "layout", "-o", "x.yaml"]),
     ("casadi", ["explore", "layout", "--front", "-d", "y"]),
     ("distributed", ["explore", "layout", "--scheduler", "tcp://127.0.0.1:1"]),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from contextlib import closing
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 from shutil import copyfile
 from tempfile import TemporaryDirectory
@@ -38,18 +40,9 @@ ViewName = Literal["both", "rig", "mirror", "detector", "cutaway", "range", "tra
 #: File name endings: pictures, scenes that can be turned, films.
 PICTURES, SCENES, MOVIES = (".png",), (".gltf", ".html"), (".mp4", ".gif")
 
-#: Writers of films; a GIF's few colours are those of what moves.
-GIF_FILTER = (
-    "split[a][b];[a]palettegen=max_colors=112:stats_mode=diff[p];[b][p]paletteuse=dither=none"
-)
-#: H.264 takes even sizes only.
-EVEN = "pad=ceil(iw/2)*2:ceil(ih/2)*2"
-GIF: dict[str, Any] = {"codec": "gif", "pix_fmt_out": "pal8",
-                       "quality": None,
-                       "output_params": ["-vf", GIF_FILTER, "-loop", "0", "-f", "gif"]}  # fmt: skip
-H264: dict[str, Any] = {"codec": "libx264", "quality": 8,
-                        "output_params": ["-vf", EVEN, "-movflags", "+faststart",
-                                          "-f", "mp4"]}  # fmt: skip
+#: Films: container and codec with their options, and the format of pixels.
+GIF = ("gif", {"loop": "0"}, "gif", {}, "pal8")
+H264 = ("mp4", {"movflags": "+faststart"}, "libx264", {"crf": "10"}, "yuv420p")
 #: How far the camera of a film swings to either side, rad, and by which share of its distance it
 #: approaches in the middle.
 SWING_RAD, NEARER_SHARE = 0.20, 0.04
@@ -229,6 +222,40 @@ class Film:
     turning: float = 1.0
 
 
+def film_frames(
+    av: Any, picture: Picture, film: Film, size: Sequence[int], on_progress: OnProgress
+) -> Iterator[Any]:
+    """Draw the frames of a film, the last row and column black where a size is one more."""
+    still, count = picture.view.camera, len(film.states)
+    for n, state in enumerate(film.states):
+        picture.move(state, film.factor, film.turning)
+        image = picture.image(ease_camera(still, n / count))
+        more = np.subtract((*size[::-1], 3), image.shape)
+        frame = av.VideoFrame.from_ndarray(np.pad(image, [(0, pixels) for pixels in more]))
+        frame.pts = n
+        yield frame
+        on_progress(n + 1, count)
+
+
+def few_colours(
+    av: Any, frames: Iterable[Any], size: Sequence[int], rate: Fraction
+) -> Iterator[Any]:
+    """Yield frames in the few colours of a GIF: those of what moves, once all frames are drawn."""
+    graph = av.filter.Graph()
+    source = graph.add_buffer(None, *size, "rgb24", None, 1 / rate)
+    colours = graph.add("palettegen", "max_colors=112:stats_mode=diff")
+    split, last = graph.add("split"), graph.add("paletteuse", "dither=none")
+    graph.link_nodes(source, split, colours).link_nodes(last, graph.add("buffersink"))
+    split.link_to(last, 1, 0)
+    colours.link_to(last, 0, 1)
+    graph.configure()
+    for frame in chain(frames, [None]):
+        graph.push(frame)
+    with suppress(EOFError):
+        while True:
+            yield graph.pull()
+
+
 def write_film(
     picture: Picture, film: Film, path: Path, on_progress: OnProgress = lambda *_: None
 ) -> None:
@@ -236,20 +263,17 @@ def write_film(
 
     on_progress: takes the frames done and their number.
     """
-    write_frames = require_extra("imageio_ffmpeg", "a film").write_frames
-    form = GIF if path.suffix.lower() == ".gif" else H264
-    still, count = picture.view.camera, len(film.states)
-    with Whole(path) as temporary:
-        writer = write_frames(
-            str(temporary), picture.form.size, fps=film.rate, macro_block_size=1,
-            ffmpeg_log_level="error", **form,
-        )  # fmt: skip
-        with closing(writer):
-            writer.send(None)
-            for n, state in enumerate(film.states):
-                picture.move(state, film.factor, film.turning)
-                writer.send(picture.image(ease_camera(still, n / count)))
-                on_progress(n + 1, count)
+    av = require_extra("av", "a film")
+    is_gif, rate = path.suffix.lower() == ".gif", Fraction(film.rate).limit_denominator()
+    form, options, codec, quality, pixels = GIF if is_gif else H264
+    size = [side if is_gif else side + side % 2 for side in picture.form.size]
+    frames = film_frames(av, picture, film, size, on_progress)
+    with Whole(path) as temporary, av.open(str(temporary), "w", form, options) as file:
+        stream = file.add_stream(codec, rate, quality)
+        stream.width, stream.height, stream.pix_fmt = *size, pixels
+        stored = few_colours(av, frames, size, rate) if is_gif else frames
+        for frame in chain(stored, [None]):
+            file.mux(stream.encode(frame))
 
 
 def motion_factor(sensor: Sensor, states: Floats, largest: float = 1000.0) -> float:
