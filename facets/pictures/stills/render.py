@@ -41,7 +41,7 @@ ViewName = Literal["both", "rig", "mirror", "detector", "cutaway", "range", "tra
 PICTURES, SCENES, MOVIES = (".png",), (".gltf", ".html"), (".mp4", ".gif")
 
 #: Films: container and codec with their options, and the format of pixels.
-GIF = ("gif", {"loop": "0"}, "gif", {}, "pal8")
+GIF: tuple[Any, ...] = ("gif", {"loop": "0"}, "gif", {}, "pal8")
 H264 = ("mp4", {"movflags": "+faststart"}, "libx264", {"crf": "10"}, "yuv420p")
 #: How far the camera of a film swings to either side, rad, and by which share of its distance it
 #: approaches in the middle.
