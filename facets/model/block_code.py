@@ -21,7 +21,7 @@ from ..scalars.lane_rows import load_rows, store_column, store_rows
 from ..scalars.lanes import DOUBLE, LONG, LaneMemory, LaneWriter, write_loop
 from ..scalars.nesting import leaves
 from ..scalars.tracing import Value
-from .kinds import CUT, LIT
+from .kinds import ANY_LIGHT, CUT, LIT
 from .packing import (
     EXAMPLE,
     PACKED,
@@ -160,10 +160,14 @@ def write_slopes(kind: str) -> LaneWrite:
             vectors = vectors_of(code, packed, kind)
             text = text_of(vectors)
             at = text.scene(vectors, state)
+            text.readings(vectors, at)  # The derivatives need many of its numbers.
             with code.loop(copies) as copy:
-                row = builder.gep(varied, [builder.mul(copy, ir.Constant(LONG, PACKED))])
+                row = builder.gep(varied, [builder.mul(copy, ir.Constant(LONG, PACKED + 8))])
                 moved = carry_slopes(vectors, vectors_of(code, row, kind))
-                store_column(code, list(leaves(text.slopes(moved, state, at))), there, copy, copies)
+                turns = tuple(code.load(row, PACKED + n) for n in range(8))
+                turned = carry_slopes(state, turns) if kind == ANY_LIGHT else state
+                found = leaves(text.slopes(moved, turned, at))
+                store_column(code, list(found), there, copy, copies)
 
     return write
 
@@ -176,11 +180,9 @@ def loops_of(kind: str) -> dict[str, LaneWrite]:
 
     readings = each_block(write_readings, load, 9)
     derivatives = each_block(write_derivatives, load, 72)
-    slopes = write_slopes(kind)
     if kind == "plain":
-        return {"readings": readings, "derivatives": derivatives, "slopes_of_plain": slopes}
+        return {"readings": readings, "derivatives": derivatives}
     loops = {
-        f"slopes_of_{kind}": slopes,
         f"readings_of_{kind}": readings,
         f"derivatives_of_{kind}": each_block(write_exact_derivatives, load, 72),
     }
@@ -197,6 +199,7 @@ def footprints_of(example: Geometry) -> LaneWrite:
 LOOPS: dict[str, LaneWrite] = {
     "footprints": footprints_of(PARALLEL),
     "footprints_of_light": footprints_of(EXAMPLE),
+    **{f"slopes_of_{kind}": write_slopes(kind) for kind in ("plain", "cut", ANY_LIGHT)},
 }
 for _kind in ("plain", *LIT, *CUT):
     LOOPS.update(loops_of(_kind))

@@ -96,8 +96,8 @@ def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, out: Floa
     """Fill `out` (n, 9, m) with the derivatives of the readings at states (n, 8) by m parameters
     of a sensor.
 
-    name: of a kernel, "slopes_of_KIND".  varied: (m, ...) derivatives of each number of `vectors`
-    by a parameter.
+    name: of a kernel, "slopes_of_KIND".  varied: (m, ...) derivatives of each number of `vectors`,
+    and of a state, by a parameter; of a state only under real light.
     """
     code, copies = slopes_kernel(name), out.shape[2]
     whole, short = divmod(len(states), lanes())

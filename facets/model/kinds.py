@@ -17,6 +17,8 @@ LIT = {
 }
 
 
+#: Light that is any of LIT: one code for derivatives that are compiled for few calls.
+ANY_LIGHT = "any_light"
 #: The kinds of light that apertures cut, as in LIT: coatings are its only effects; None for ideal
 #: light.
 CUT = {"cut": None, **{f"cut_{kind}": LIT[kind] for kind in LIT if not LIT[kind][2]}}
@@ -33,16 +35,13 @@ def kind_of(sensor: Sensor) -> str:
     return known
 
 
-def lit_kind(sensor: Sensor, profiled: bool = False) -> str:
-    """Which of LIT a sensor's light is, whether or not any effect is on.
-
-    profiled: whether derivatives by the beam's profile are wanted, Gaussian or not.
-    """
+def lit_kind(sensor: Sensor) -> str:
+    """Which of LIT a sensor's light is, whether or not any effect is on."""
     light = sensor.light
     kind = "light"
     if light.index is not None:
         kind = "light_coated" if light.polarization is None else "light_polarised"
-    return f"{kind}_profiled" if profiled or light.has_profile else kind
+    return f"{kind}_profiled" if light.has_profile else kind
 
 
 def block_kind(sensor: Sensor) -> str | None:

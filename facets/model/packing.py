@@ -46,11 +46,11 @@ def pack_rows(vectors: Geometry, count: int, width: int = PACKED) -> np.ndarray:
 
 def pack_slopes(vectors: Geometry, count: int) -> np.ndarray:
     """Pack the derivatives of a sensor's vectors by some variables: (count, ...), each row like
-    `pack`.
+    `pack`, and eight zeros for those of a state.
 
     vectors: of floats, and of `Dual` or complex columns, which carry derivatives.
     """
-    slopes = np.zeros((count, PACKED))
+    slopes = np.zeros((count, PACKED + 8))
     for n, number in enumerate(leaves(vectors)):
         if isinstance(number, Dual | np.ndarray):
             slopes[:, n] = number.imag
@@ -58,15 +58,15 @@ def pack_slopes(vectors: Geometry, count: int) -> np.ndarray:
 
 
 def vectors_of(writer: Any, pointer: Any, kind: str) -> Geometry:
-    """The vectors in memory (`vectors_at`) that formulas for a kind of light take: "plain", or one
-    of LIT or CUT."""
+    """The vectors in memory (`vectors_at`) that formulas for a kind of light take: "plain",
+    ANY_LIGHT, whose options are in memory, too, or one of LIT or CUT."""
     if kind == "plain":
         return vectors_at(writer, pointer, PLAIN)  # type: ignore[no-any-return]
-    flags = {**LIT, **CUT}[kind]
-    if flags is None:
+    if kind == "cut":
         return vectors_at(writer, pointer, PARALLEL)  # type: ignore[no-any-return]
-    coated, polarised, profiled = flags
     whole = vectors_at(writer, pointer, EXAMPLE)
+    flags: Any = {**LIT, **CUT}.get(kind)
+    coated, polarised, profiled = flags or (flag > 0 for flag in whole.light.options[1:4])
     options = whole.light.options._replace(
         on=True, coated=coated, polarised=polarised, profiled=profiled
     )

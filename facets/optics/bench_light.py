@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..scalars.dispatch import Number, nan_unless_positive, pi
+from ..scalars.dispatch import Number, holds_anywhere, nan_unless_positive, pi, select
 from .curved_light import (
     apparent_scene,
     back_projection,
@@ -38,16 +38,18 @@ from .vectors import Plane, Vector, add, combine, cross, dot
 def reflectance(geometry: Geometry, normal: Vector, direction: Vector) -> Number:
     """The reflectance of a facet, relative to that of unpolarised light at 45 degrees; by
     Fresnel."""
-    light = geometry.light
-    if not light.options.coated:
-        return direction[0] * 0 + 1
+    light, options, whole = geometry.light, geometry.light.options, direction[0] * 0 + 1
+    if not holds_anywhere(options.coated):
+        return whole
     s, p = reflectances(light.coating, -dot(direction, normal))
-    if not light.options.polarised:
-        return (s + p) / light.plain
+    mean = (s + p) / light.plain
+    if not holds_anywhere(options.polarised):
+        return select(options.coated, mean, whole)
     across = cross(direction, normal)
     amplitude = dot(across, light.field)
     share = amplitude * amplitude / dot(across, across)
-    return 2 * (share * s + (1 - share) * p) / light.plain
+    polarised = 2 * (share * s + (1 - share) * p) / light.plain
+    return select(options.coated, select(options.polarised, polarised, mean), whole)
 
 
 def add_background(spot: Plane, power: Number, other: Three) -> Three:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..scalars.dispatch import Number
+from ..scalars.dispatch import Number, holds_anywhere, select, select_each
 from .central import Side
 from .effects import Light, turn_cubic, turn_tensor
 from .forward import Geometry, LitFacet, Scene, Three, replace_light
@@ -91,21 +91,20 @@ def apply_profile(geometry: Geometry, at: Scene) -> Scene:
 
     The third part of the moments stays that of the Gaussian beam: see `moment_slopes`.
     """
-    if not geometry.light.options.profiled:
+    light, profiled = geometry.light, geometry.light.options.profiled
+    if not holds_anywhere(profiled):
         return at
-    light = geometry.light
     s0 = side_change(light, at.q, at.sides[0], at.integrals[0])
     s1 = side_change(light, at.q, at.sides[1], at.integrals[1])
     s2 = side_change(light, at.q, at.sides[2], at.integrals[2])
-    return replace_light(
-        at,
-        (s0.integrals, s1.integrals, s2.integrals),
-        (
-            change_moments(at.q, at.moments[0], s0, s1),
-            change_moments(at.q, at.moments[1], s1, s2),
-            change_moments(at.q, at.moments[2], s2, s0),
-        ),
+    integrals = s0.integrals, s1.integrals, s2.integrals
+    moments = (
+        change_moments(at.q, at.moments[0], s0, s1),
+        change_moments(at.q, at.moments[1], s1, s2),
+        change_moments(at.q, at.moments[2], s2, s0),
     )
+    usual = at.integrals, at.moments
+    return replace_light(at, *select_each(profiled, (integrals, moments), usual))
 
 
 def change_moments(q: Plane, moments: Moments, begin: SideChange, end: SideChange) -> Moments:
@@ -123,26 +122,25 @@ def moment_slopes(facet: LitFacet) -> tuple[Plane, tuple[Any, Any, Any, Any]]:
     Of a Gaussian beam these are the centroid and one less the covariance.
     """
     mass, centroid, (pxx, pxy, pyy), (x, y) = facet.moments
-    if not facet.geometry.light.options.profiled:
-        return centroid, (pxx, pxy, pxy, pyy)
+    profiled, usual = facet.geometry.light.options.profiled, (centroid, (pxx, pxy, pxy, pyy))
+    if not holds_anywhere(profiled):
+        return usual
     u1, u2 = facet.sides
     (length1, first1, _, _), (length2, first2, _, _) = facet.integrals
     x1, y1 = (u1[0] * first1 - x * length1) / mass, (u1[1] * first1 - y * length1) / mass
     x2, y2 = (u2[0] * first2 - x * length2) / mass, (u2[1] * first2 - y * length2) / mass
-    return (
-        ((u2[1] * length2 - u1[1] * length1) / mass, (u1[0] * length1 - u2[0] * length2) / mass),
-        (
-            x1 * u1[1] - x2 * u2[1],
-            x2 * u2[0] - x1 * u1[0],
-            y1 * u1[1] - y2 * u2[1],
-            y2 * u2[0] - y1 * u1[0],
-        ),
+    decline = (u2[1] * length2 - u1[1] * length1) / mass, (u1[0] * length1 - u2[0] * length2) / mass
+    slopes = (
+        x1 * u1[1] - x2 * u2[1],
+        x2 * u2[0] - x1 * u1[0],
+        y1 * u1[1] - y2 * u2[1],
+        y2 * u2[0] - y1 * u1[0],
     )
+    return select_each(profiled, (decline, slopes), usual)  # type: ignore[no-any-return]
 
 
 def density_at_point(facet: LitFacet) -> Number:
     """The beam's irradiance at the wedges' point, per square sigma."""
     length, first, _, density = facet.integrals[0]
-    if facet.geometry.light.options.profiled:
-        return density
-    return first + dot2(facet.at.q, facet.sides[0]) * length
+    usual = first + dot2(facet.at.q, facet.sides[0]) * length
+    return select(facet.geometry.light.options.profiled, density, usual)

