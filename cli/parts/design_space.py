@@ -52,7 +52,7 @@ class Exploration:
 
 def sample(job: Exploration, paths: list[Path], scheduler: str | None, force: bool) -> None:
     """Compute the designs that are missing in the folder."""
-    core.extras.require_extra("SALib", "the sensitivity")
+    core.extras.require_extra("pyarrow", "a search's parts")
     space, folder = job.space, job.folder
     if scheduler:
         typer.echo(design.exploration.runs.cluster_words(scheduler))

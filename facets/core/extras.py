@@ -10,7 +10,6 @@ from .errors import InputError
 
 #: The extra that brings a package.
 EXTRAS = {
-    "SALib": "design",
     "aiohttp": "web",
     "av": "scenes",
     "casadi": "design",

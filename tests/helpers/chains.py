@@ -110,7 +110,7 @@ GIVEN = {
 
 #: A package that an extra brings, and a command that needs it.
 NEEDS = [
-    ("SALib", ["explore", "layout", "-d", "y"]),
+    ("pyarrow", ["explore", "layout", "-d", "y"]),
     ("mpmath", ["bench", "-d", "y"]),
     ("flint", ["jacobian", "paper", "-d", "y", "--certify"]),
     ("flint", ["optimize", "layout", "-o", "x.yaml"]),

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from ...characterization.sensitivity import Index
     from ...core.settings import Config
 
+#: A process gets this much work at least, s of processor time: its start takes about one.
+LEAST_WORK_S = 2.0
 #: Interval at which a worker checks that its parent still runs, s.
 PARENT_CHECK_INTERVAL_S = 1.0
 
@@ -111,18 +113,22 @@ def part_path(folder: Path, first: int) -> Path:
 def run_in_processes(
     space: Space, firsts: list[int], _: str
 ) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Yield parts as they are finished, from a process on each core."""
+    """Yield parts as they are finished, from this process, or from several if there is enough to
+    do."""
     if not firsts:
         return
     measure_design(space, designs(space)[0])  # compiled once, before the processes begin
-    workers = min(cores(), len(firsts))
-    if workers == 1:
-        yield from ((first, part_of(space, first)) for first in firsts)
+    begin, rest = time.process_time(), firsts[1:]
+    yield firsts[0], part_of(space, firsts[0])
+    work = (time.process_time() - begin) * len(rest)
+    workers = min(cores(), int(work / LEAST_WORK_S))
+    if workers < 2:
+        yield from ((first, part_of(space, first)) for first in rest)
         return
     with ProcessPoolExecutor(
         workers, mp_context=get_context("spawn"), initializer=serve, initargs=(os.getpid(),)
     ) as pool:
-        jobs = {pool.submit(part_of, space, first): first for first in firsts}
+        jobs = {pool.submit(part_of, space, first): first for first in rest}
         try:
             for job in as_completed(jobs):
                 yield jobs[job], job.result()

@@ -57,8 +57,8 @@ OUTSIDE = {PSD: BESIDE, LIGHT: DIM, SATURATED: OVERLOADED, SINGULAR: NEAR_SINGUL
            COARSE: TOO_COARSE}  # fmt: skip
 #: Factors from mm and rad to mm and mrad, by axis of the pose.
 FAR = 1 / np.array(STATE_UNITS[:6])
-#: Largest number of designs whose states are in memory at a time.
-CHUNK = 128
+#: Number of designs that are measured at a time: their states fit into the processor's cache.
+CHUNK = 50
 
 
 class Designs(NamedTuple):
