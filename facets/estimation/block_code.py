@@ -6,7 +6,7 @@ Imported only where the code is not kept.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import nan
+from math import nan, prod
 from typing import Any, NamedTuple
 
 from llvmlite import ir
@@ -17,8 +17,9 @@ from ..model.packing import complete_light, row_size, vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
 from ..optics.forward import replace_power
 from ..scalars.lane_rows import load_rows, store_rows
-from ..scalars.lanes import LONG, LaneMemory, LaneWriter, write_loop
+from ..scalars.lanes import LONG, LaneMemory, LaneWriter
 from ..scalars.nesting import leaves, nest
+from ..scalars.tracing import Value
 from .problem import CONVERGED, PROGRESS_INTERVAL_STEPS, SCALES, UNKNOWNS, BlockTask, Form
 from .step import (
     MIN_DAMPING,
@@ -42,23 +43,31 @@ def write_estimator(form: Form) -> LaneWrite:
         at = builder.inttoptr(arguments[0], ir.PointerType(LONG))
         numbers = range(len(BlockTask._fields))
         task = BlockTask(*(builder.load(builder.gep(at, [ir.Constant(LONG, n)])) for n in numbers))
-        with write_loop(builder, task.blocks) as index:
-            write_block(BlockRows(begin_code(builder), task, index), form)
+        code = begin_code(builder)
+        rows = BlockRows(code, task, form)
+        with code.loop(task.blocks) as index:
+            rows.begin(index)
+            write_block(rows, form)
 
     return write
 
 
 def write_block(rows: BlockRows, form: Form) -> None:
     """Write the estimates of one block's readings."""
-    code, task, vectors = rows.code, rows.task, rows.vectors(form)
+    code, task, vectors = rows.code, rows.task, rows.vectors
     question, status, used = ask(
         form, rows.read("values", 9, task.own_rows), rows.read("weights", 9, task.own_rows),
-        rows.read("means", 3, task.own_means), rows.scales(),
+        rows.read("means", 3, task.own_means), rows.scales,
     )  # fmt: skip
     first = begin(rows.read("starts", UNKNOWNS, task.own_starts), form, status)
 
-    def advance(state: State) -> State:
-        return step(state, question, lambda x: linearise(code, vectors, x, form))
+    def advance(state: State, begins: Any) -> State:
+        def optics(x: Sequence[Any]) -> Any:
+            if form.varied:
+                return linearise(code, vectors, x, form)
+            return reuse_start(rows, begins, lambda: linearise(code, vectors, x, form))
+
+        return step(state, question, optics)
 
     end = iterate(code, first, advance, task.patient)
     status = final_status(end, question, used)
@@ -66,31 +75,54 @@ def write_block(rows: BlockRows, form: Form) -> None:
 
 
 def iterate(
-    code: LaneWriter, first: State, advance: Callable[[State], State], patient: Any
+    code: LaneWriter, first: State, advance: Callable[[State, Any], State], patient: Any
 ) -> State:
     """Write the loop over steps, until no lane goes on, and return the last state.
 
+    advance: writes a step of a state; its second argument is a bit, set in the first round.
     patient: 0 where lanes that need many steps are left behind.
     """
-    count = len(list(leaves(first)))
-    memory = LaneMemory(code, count)
+    memory = [LaneMemory(code) for _ in leaves(first)]  # apart, so that registers take their place
 
     def keep(state: State) -> None:
-        for n, number in enumerate(leaves(state)):
-            memory[n] = number
+        for cell, number in zip(memory, leaves(state), strict=True):
+            cell[0] = number
 
     def load() -> State:
-        return nest(first, (memory[n] for n in range(count)))  # type: ignore[no-any-return]
+        return nest(first, (cell[0] for cell in memory))  # type: ignore[no-any-return]
 
     keep(first)
     waits = code.same(code.builder.icmp_signed("!=", patient, ir.Constant(LONG, 0)))
     with code.do_while() as repetition:
-        new = advance(load())
+        new = advance(load(), repetition.first)
         keep(new)
         going = new.status < CONVERGED
         usual = (new.damping < MIN_DAMPING) & (new.steps < PROGRESS_INTERVAL_STEPS - 1.5)
         repetition.again = code.any(going & (usual | waits))
     return load()
+
+
+def reuse_start(rows: BlockRows, begins: Any, compute: Callable[[], Numbers]) -> Numbers:
+    """Write what `compute` writes; at a start that all readings share, for the first block alone.
+
+    Later blocks load the same bits.  begins: a bit, set at the start.
+    """
+    code, build = rows.code, rows.code.builder
+    shares = build.icmp_signed("==", rows.task.own_starts, ir.Constant(LONG, 0))
+    begins = build.and_(begins, shares)
+    known = build.and_(begins, build.icmp_signed(">", rows.first, ir.Constant(LONG, 0)))
+    most = 2 * 9 * (1 + len(rows.form.free))  # each number may be a product
+    memory = LaneMemory(code, 2 * most)
+    place = build.select(begins, ir.Constant(LONG, most), ir.Constant(LONG, 0))
+    with build.if_then(build.not_(known), likely=True), code.scope():
+        results = compute()
+        parts = [code.factors(number) for number in leaves(results)]
+        numbers = [each for part in parts for each in part if isinstance(each, Value)]
+        for n, number in enumerate(numbers):
+            memory[build.add(place, ir.Constant(LONG, n))] = number
+    loaded = (memory[build.add(place, ir.Constant(LONG, n))] for n in range(len(numbers)))
+    whole = ([next(loaded) if isinstance(each, Value) else each for each in part] for part in parts)
+    return nest(results, map(prod, whole))
 
 
 def write_results(rows: BlockRows, end: State, used: Numbers, free: Sequence[int]) -> None:
@@ -119,26 +151,29 @@ class LoadedRows(NamedTuple):
 
 
 class BlockRows:
-    """A block's rows in the arrays of a task."""
+    """A block's rows in the arrays of a task.
 
-    def __init__(self, code: LaneWriter, task: BlockTask, index: Any) -> None:
-        """task: of numbers that the code has read.  index: of the block."""
-        self.code, self.task = code, task
+    scales: the numbers that all readings share, as `Scales`.  vectors: the sensor's; of a varied
+    form, those of each lane.  first: the number of the block's first row.
+    """
+
+    def __init__(self, code: LaneWriter, task: BlockTask, form: Form) -> None:
+        """task: of numbers that the code has read."""
+        self.code, self.task, self.form = code, task, form
         self.pointers = BlockTask(*pointers_to(code.builder, task))
-        self.first = code.builder.mul(index, ir.Constant(LONG, code.lanes))
-
-    def vectors(self, form: Form) -> Any:
-        """The sensor's vectors; of a varied form, those of each lane."""
         if not form.varied:
-            return vectors_of(self.code, self.pointers.packed, form.kind)
-        size = row_size(form.kind)
-        first = self.code.builder.mul(self.first, ir.Constant(LONG, size))
-        here = self.code.builder.gep(self.pointers.packed, [first])
-        return vectors_of(LoadedRows(load_rows(self.code, here, size, size)), None, form.kind)
+            self.vectors = vectors_of(code, self.pointers.packed, form.kind)
 
-    def scales(self) -> Any:
-        """The numbers that all readings share, as `Scales`."""
-        return vectors_at(self.code, self.pointers.scales, SCALES)
+    def begin(self, index: Any) -> None:
+        """Begin a block, by its number."""
+        code, kind = self.code, self.form.kind
+        self.first = code.builder.mul(index, ir.Constant(LONG, code.lanes))
+        self.scales = vectors_at(code, self.pointers.scales, SCALES)
+        if self.form.varied:
+            size = row_size(kind)
+            first = code.builder.mul(self.first, ir.Constant(LONG, size))
+            here = code.builder.gep(self.pointers.packed, [first])
+            self.vectors = vectors_of(LoadedRows(load_rows(code, here, size, size)), None, kind)
 
     def read(self, name: str, width: int, has_own_rows: Any) -> Numbers:
         """Read rows of `width` numbers.
@@ -174,4 +209,5 @@ def linearise(code: Any, vectors: Any, x: Sequence[Any], form: Form) -> Any:
         text = linearise_exactly(code, vectors, state, len(places))
     else:
         text = bench_gradient.linearise_nearly(vectors, state)
-    return unknown_slopes(complete_light(vectors), text, form.free)
+    detectors = unknown_slopes(complete_light(vectors), text, form.free)
+    return tuple((tuple(values), tuple(map(tuple, rows))) for values, rows in detectors)

@@ -18,7 +18,7 @@ from ..optics.footprint import footprints
 from ..optics.forward import Geometry
 from ..scalars.dual import Dual
 from ..scalars.lane_rows import load_rows, store_column, store_rows
-from ..scalars.lanes import DOUBLE, LONG, LaneMemory, LaneWriter, write_loop
+from ..scalars.lanes import DOUBLE, LONG, LaneMemory, LaneWriter
 from ..scalars.nesting import leaves
 from ..scalars.tracing import Value
 from .kinds import ANY_LIGHT, CUT, LIT
@@ -55,13 +55,14 @@ def each_block(formula: Formula, load: Load, size: int) -> LaneWrite:
 
     def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
         packed, states, results = pointers_to(builder, arguments[:3])
-        with write_loop(builder, arguments[3]) as index:
-            code = begin_code(builder)
+        code = begin_code(builder)
+        vectors = load(code, packed)
+        with code.loop(arguments[3]) as index:
             here, there = (
                 builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, code.lanes * numbers))])
                 for pointer, numbers in ((states, 8), (results, size))
             )
-            formula(code, load(code, packed), here, there)
+            formula(code, vectors, here, there)
 
     return write
 
@@ -150,14 +151,14 @@ def write_slopes(kind: str) -> LaneWrite:
     def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
         packed, varied, states, results = pointers_to(builder, arguments[:4])
         copies = arguments[4]
-        with write_loop(builder, arguments[5]) as index:
-            code = begin_code(builder)
+        code = begin_code(builder)
+        vectors = vectors_of(code, packed, kind)
+        with code.loop(arguments[5]) as index:
             rows = builder.mul(index, ir.Constant(LONG, code.lanes))
             here = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
             numbers = builder.mul(copies, ir.Constant(LONG, 9))
             there = builder.gep(results, [builder.mul(rows, numbers)])
             state = tuple(load_rows(code, here, 8, 8))
-            vectors = vectors_of(code, packed, kind)
             text = text_of(vectors)
             at = text.scene(vectors, state)
             text.readings(vectors, at)  # The derivatives need many of its numbers.

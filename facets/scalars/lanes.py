@@ -43,41 +43,14 @@ CONNECTIVES = {"and": "and_", "or": "or_", "not": "not_"}
 CALLED: dict[str, tuple[Callable[..., Any], Numbers, int]] = {}
 
 
-@contextmanager
-def write_loop(builder: Any, count: Any) -> Iterator[Any]:
-    """Write a loop whose body runs for each 64-bit number below `count`, which the context
-    yields."""
-    with builder.goto_entry_block():
-        place = builder.alloca(LONG)
-    builder.store(ir.Constant(LONG, 0), place)
-    test, body, after = (builder.append_basic_block(name) for name in ("loop", "body", "after"))
-    builder.branch(test)
-    builder.position_at_end(test)
-    number = builder.load(place)
-    builder.cbranch(builder.icmp_signed("<", number, count), body, after)
-    builder.position_at_end(body)
-    yield number
-    builder.store(builder.add(number, ir.Constant(LONG, 1)), place)
-    builder.branch(test)
-    builder.position_at_end(after)
-
-
 class Repetition:
-    """A loop of `do_while`.  again: a bit, set within the loop, that repeats it."""
+    """A loop of `do_while`.
 
+    first: a bit, set in the first round.  again: a bit, set within the loop, that repeats it.
+    """
+
+    first: Any = None
     again: Any = None
-
-
-@contextmanager
-def do_while(builder: Any) -> Iterator[Repetition]:
-    """Write a loop whose body runs once, and again while `again` is true."""
-    body, after = builder.append_basic_block("body"), builder.append_basic_block("after")
-    builder.branch(body)
-    builder.position_at_end(body)
-    repetition = Repetition()
-    yield repetition
-    builder.cbranch(repetition.again, body, after)
-    builder.position_at_end(after)
 
 
 def shuffle(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
@@ -142,6 +115,10 @@ class LaneWriter(Tracer):
             self._factors[value] = operands
         return value
 
+    def factors(self, number: Value | float) -> tuple[Value | float, ...]:
+        """The factors of a product, which a sum fuses; of another number, itself alone."""
+        return self._factors.get(number, (number,))
+
     def round_product(self, x: Value) -> Value:
         """See `dispatch.round_product`: a number of which no factors are known."""
         return Value(self, x.ir)
@@ -173,16 +150,41 @@ class LaneWriter(Tracer):
 
     @contextmanager
     def loop(self, count: Any) -> Iterator[Any]:
-        """Write a loop as `machine.write_loop` does: values from before it are known within it, and
-        values from within it are not known after it."""
-        with self.scope(), write_loop(self.builder, count) as number:
+        """Write a loop whose body runs for each 64-bit number below `count`, which the context
+        yields: values from before it are known within it, and values from within it are not known
+        after it."""
+        build = self.builder
+        with build.goto_entry_block():
+            place = build.alloca(LONG)
+        build.store(ir.Constant(LONG, 0), place)
+        test, body, after = (build.append_basic_block(name) for name in ("loop", "body", "after"))
+        build.branch(test)
+        build.position_at_end(test)
+        number = build.load(place)
+        build.cbranch(build.icmp_signed("<", number, count), body, after)
+        build.position_at_end(body)
+        with self.scope():
             yield number
+        build.store(build.add(number, ir.Constant(LONG, 1)), place)
+        build.branch(test)
+        build.position_at_end(after)
 
     @contextmanager
     def do_while(self) -> Iterator[Repetition]:
-        """Write a loop as `machine.do_while` does, with the same known values as in `loop`."""
-        with self.scope(), do_while(self.builder) as repetition:
+        """Write a loop whose body runs once, and again while `again` is true, with the same known
+        values as in `loop`."""
+        build, repetition = self.builder, Repetition()
+        before, body = build.block, build.append_basic_block("body")
+        build.branch(body)
+        build.position_at_end(body)
+        repetition.first = build.phi(BIT)
+        repetition.first.add_incoming(BIT(1), before)
+        with self.scope():
             yield repetition
+        repetition.first.add_incoming(BIT(0), build.block)
+        after = build.append_basic_block("after")
+        build.cbranch(repetition.again, body, after)
+        build.position_at_end(after)
 
     def where_any(
         self,
@@ -224,22 +226,15 @@ class LaneWriter(Tracer):
         """See `dispatch.sum_over`."""
         width = len(table[0])
         memory = place_table(self.builder, table)
-        with self.builder.goto_entry_block():
-            place = self.builder.alloca(LONG)
-        self.builder.store(ir.Constant(LONG, 0), place)
         sums: list[LaneMemory] = []
-        with self.scope(), do_while(self.builder) as repetition:
-            at = self.builder.load(place)
+        with self.loop(ir.Constant(LONG, len(table))) as number:
+            at = self.builder.mul(number, ir.Constant(LONG, width))
             row = self.builder.gep(memory, [at])
             terms = function(*(self.load(row, n) for n in range(width)), *arguments)
-            for number in leaves(terms):
-                sums.append(LaneMemory(self, 1))
+            for term in leaves(terms):
+                sums.append(LaneMemory(self))
                 sums[-1].begin(0.0)
-                sums[-1][0] = sums[-1][0] + number
-            at = self.builder.add(at, ir.Constant(LONG, width))
-            self.builder.store(at, place)
-            end = ir.Constant(LONG, width * len(table))
-            repetition.again = self.builder.icmp_signed("<", at, end)
+                sums[-1][0] = sums[-1][0] + term
         return nest(terms, iter([each[0] for each in sums]))
 
     def write_function(self, name: str, *arguments: Value | float) -> Value:
