@@ -6,7 +6,7 @@ Imported only where the code is not kept.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import nan, prod
+from math import nan
 from typing import Any, NamedTuple
 
 from llvmlite import ir
@@ -19,8 +19,15 @@ from ..optics.forward import replace_power
 from ..scalars.lane_rows import load_rows, store_rows
 from ..scalars.lanes import LONG, LaneMemory, LaneWriter
 from ..scalars.nesting import leaves, nest
-from ..scalars.tracing import Value
-from .problem import CONVERGED, PROGRESS_INTERVAL_STEPS, SCALES, UNKNOWNS, BlockTask, Form
+from .problem import (
+    CONVERGED,
+    KEPT_ENTRIES,
+    PROGRESS_INTERVAL_STEPS,
+    SCALES,
+    UNKNOWNS,
+    BlockTask,
+    Form,
+)
 from .step import (
     MIN_DAMPING,
     State,
@@ -47,14 +54,14 @@ def write_estimator(form: Form) -> LaneWrite:
         rows = BlockRows(code, task, form)
         with code.loop(task.blocks) as index:
             rows.begin(index)
-            write_block(rows, form)
+            write_block(rows)
 
     return write
 
 
-def write_block(rows: BlockRows, form: Form) -> None:
+def write_block(rows: BlockRows) -> None:
     """Write the estimates of one block's readings."""
-    code, task, vectors = rows.code, rows.task, rows.vectors
+    code, task, form = rows.code, rows.task, rows.form
     question, status, used = ask(
         form, rows.read("values", 9, task.own_rows), rows.read("weights", 9, task.own_rows),
         rows.read("means", 3, task.own_means), rows.scales,
@@ -63,9 +70,7 @@ def write_block(rows: BlockRows, form: Form) -> None:
 
     def advance(state: State, begins: Any) -> State:
         def optics(x: Sequence[Any]) -> Any:
-            if form.varied:
-                return linearise(code, vectors, x, form)
-            return reuse_start(rows, begins, lambda: linearise(code, vectors, x, form))
+            return reuse_start(rows, begins, lambda: linearise(code, rows.vectors, x, form))
 
         return step(state, question, optics)
 
@@ -102,27 +107,19 @@ def iterate(
     return load()
 
 
-def reuse_start(rows: BlockRows, begins: Any, compute: Callable[[], Numbers]) -> Numbers:
+def reuse_start(rows: BlockRows, begins: Any, compute: Callable[[], Any]) -> Any:
     """Write what `compute` writes; at a start that all readings share, for the first block alone.
 
     Later blocks load the same bits.  begins: a bit, set at the start.
     """
+    if rows.form.varied:
+        return compute()
     code, build = rows.code, rows.code.builder
     shares = build.icmp_signed("==", rows.task.own_starts, ir.Constant(LONG, 0))
     begins = build.and_(begins, shares)
-    known = build.and_(begins, build.icmp_signed(">", rows.first, ir.Constant(LONG, 0)))
-    most = 2 * 9 * (1 + len(rows.form.free))  # each number may be a product
-    memory = LaneMemory(code, 2 * most)
-    place = build.select(begins, ir.Constant(LONG, most), ir.Constant(LONG, 0))
-    with build.if_then(build.not_(known), likely=True), code.scope():
-        results = compute()
-        parts = [code.factors(number) for number in leaves(results)]
-        numbers = [each for part in parts for each in part if isinstance(each, Value)]
-        for n, number in enumerate(numbers):
-            memory[build.add(place, ir.Constant(LONG, n))] = number
-    loaded = (memory[build.add(place, ir.Constant(LONG, n))] for n in range(len(numbers)))
-    whole = ([next(loaded) if isinstance(each, Value) else each for each in part] for part in parts)
-    return nest(results, map(prod, whole))
+    later = build.icmp_signed(">", rows.first, ir.Constant(LONG, 0))
+    most = 9 * (3 + len(rows.form.free))  # readings and derivatives, of which some are products
+    return code.compute_unless(build.and_(begins, later), compute, begins, most)
 
 
 def write_results(rows: BlockRows, end: State, used: Numbers, free: Sequence[int]) -> None:
@@ -138,7 +135,7 @@ def write_results(rows: BlockRows, end: State, used: Numbers, free: Sequence[int
     wanted = code.builder.icmp_signed("!=", rows.task.covariances, ir.Constant(LONG, 0))
     with code.builder.if_then(wanted), code.scope():
         covariance = covariance_of(end.factor, free)
-        write("covariances", [each for row in covariance for each in row])
+        write("covariances", [covariance[i][j] for i, j in KEPT_ENTRIES])
 
 
 class LoadedRows(NamedTuple):

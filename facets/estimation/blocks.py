@@ -16,12 +16,13 @@ from ..core.sensor import Sensor
 from ..model.arrays import packed_vectors
 from ..model.blocks import SINGLE, address_of, lane_code, lanes
 from ..model.kinds import LIT, kind_of
-from ..model.threads import once
+from ..model.threads import once, part_of
 from ..scalars.nesting import leaves
 from .plan import count_checks, make_plan
 from .problem import (
     CONVERGED,
     COVARIANCE,
+    KEPT_ENTRIES,
     RESIDUAL,
     SCALES,
     STALLED,
@@ -112,20 +113,26 @@ def estimate_blocks(
     inputs = (readings.values, weights_of(readings), problem.means, problem.starts)
     outputs = (results.states, ends, results.residuals, results.covariances)
     scales = scales_of(readings, problem)
+
+    def run(which: Any, part: Sequence[Array]) -> None:
+        sensors = packed[which] if packed.ndim > 1 else packed
+        some = (part_of(rows, which, n) for rows in inputs)
+        run_blocks(code, (sensors, scales, *some, *part), patient)
+
     if whole:
-        part = [rows[:whole] for rows in outputs]
-        first = [first_rows(rows, whole, n) for rows in inputs]
-        run_blocks(code, (packed, scales, *first, *part), patient)
+        run(slice(whole), [rows[:whole] for rows in outputs])
     if n > whole:
-        part = [np.empty((lanes() if len(rows) else 0, *rows.shape[1:])) for rows in outputs]
-        rest = [pad_rows(rows, whole, n) for rows in inputs]
-        remaining_packed = pad_rows(packed, whole, n) if packed.ndim > 1 else packed
-        run_blocks(code, (remaining_packed, scales, *rest, *part), patient)
+        part = [np.empty((lanes(), *rows.shape[1:])) for rows in outputs]
+        run(np.minimum(np.arange(whole, whole + lanes()), n - 1), part)  # the last one repeated
         for rows, some in zip(outputs, part, strict=True):
-            rows[whole:] = some[: len(rows[whole:])]
+            rows[whole:] = some[: n - whole]
     put_ends(ends, results)
-    if not patient:
-        estimate_late(code, packed, readings, problem, results)
+    late = np.flatnonzero(results.status == GOING)
+    if len(late):  # no block has waited for them
+        again = empty_results(len(late), results.covariances.shape[1] > 0)
+        sensors = packed[late] if packed.ndim > 1 else packed
+        estimate_blocks(code, sensors, *some_rows(late, readings, problem), again, patient=True)
+        put_rows(results, late, again)
 
 
 def put_ends(ends: Array, results: Results) -> None:
@@ -150,40 +157,11 @@ def run_blocks(
     code(address_of(task))
 
 
-def estimate_late(
-    code: Code,
-    packed: Array,
-    readings: Readings,
-    problem: FitProblem,
-    results: Results,
-) -> None:
-    """Estimate the readings anew for which no block has waited."""
-    late = np.flatnonzero(results.status == GOING)
-    if len(late):
-        again = empty_results(len(late), len(results.covariances) > 0)
-        some, questions = some_rows(late, readings, problem)
-        sensors = packed[late] if packed.ndim > 1 else packed
-        estimate_blocks(code, sensors, some, questions, again, patient=True)
-        put_rows(results, late, again)
-
-
 def weights_of(readings: Readings) -> Array:
     """Weights from standard deviations, with any number for a spoilt reading; the sigmas
     themselves where readings have none."""
     with np.errstate(all="ignore"):
         return 1 / readings.sigmas if len(readings.sigmas) else readings.values
-
-
-def first_rows(rows: Array, count: int, n: int) -> Array:
-    """The first rows of an array; the array itself where all readings share it."""
-    return rows[:count] if len(rows) == n else rows
-
-
-def pad_rows(rows: Array, first: int, n: int) -> Array:
-    """A block of the rows from `first` on; the array itself where all readings share it."""
-    if len(rows) != n:
-        return rows
-    return rows[np.minimum(np.arange(first, first + lanes()), n - 1)]
 
 
 def task_of(arrays: Sequence[Array], flags: Sequence[int], blocks: int) -> Array:
@@ -209,7 +187,7 @@ class KeptBlocks:
         covariance: bool,
     ) -> None:
         self._readings, self._weights = readings, weights_of(readings)
-        count, width = len(readings.values), COVARIANCE + (64 if covariance else 0)
+        count, width = len(readings.values), COVARIANCE + (len(KEPT_ENTRIES) if covariance else 0)
         self.numbers = np.zeros((count, width))
         row = self.numbers[0]
         arrays = (
@@ -250,7 +228,7 @@ def estimate_in_turn(
         begin = some_problem.starts[0].copy()
         if free is not None:
             begin[problem.free] = free
-        covariance = len(results.covariances) > 0
+        covariance = results.covariances.shape[1] > 0
         return follow(code, packed, some_readings, some_problem._replace(starts=begin), covariance)
 
     while n < count:
@@ -321,7 +299,7 @@ def estimate(
     estimate_once(sensor, False, readings, request, results)
     stalled = np.flatnonzero(results.status == STALLED) if needs_exactness(sensor) else ()
     if len(stalled):
-        again = empty_results(len(stalled), len(results.covariances) > 0)
+        again = empty_results(len(stalled), results.covariances.shape[1] > 0)
         some, questions = some_rows(stalled, readings, request)
         estimate_once(sensor, True, some, questions._replace(previous=False), again)
         put_rows(results, stalled, again)

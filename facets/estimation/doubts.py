@@ -88,9 +88,7 @@ def replace_unlikely(
         start[:, free] += side * size * directions[:, :, -1]
         other = again(rows, start)
         better = other.residuals < CLEARLY_LESS * results.residuals[rows]
-        put_rows(
-            results, rows[better], Results(*(part[better] if len(part) else part for part in other))
-        )
+        put_rows(results, rows[better], Results(*(part[better] for part in other)))
 
 
 def is_doubtful(sensor: Sensor, free: NDArray[np.int64]) -> bool:
@@ -151,9 +149,7 @@ def withdraw_doubtful(
 
 def refuse(results: Results, rows: Rows, status: int) -> None:
     results.status[rows] = status
-    results.states[rows] = results.residuals[rows] = np.nan
-    if len(results.covariances):
-        results.covariances[rows] = np.nan
+    results.states[rows] = results.residuals[rows] = results.covariances[rows] = np.nan
 
 
 def cut_spots(sensor: Sensor, results: Results) -> Rows:

@@ -40,6 +40,13 @@ UNKNOWNS = 9
 STATUS, ITERATIONS, USED = 9, 10, 11
 RESIDUAL, CHECKS, LIMIT, COVARIANCE = range(14, 18)
 
+#: The entries of a covariance (8, 8) that are kept: the variances, and what is below the diagonal.
+KEPT_ENTRIES = [(i, i) for i in range(8)] + [(i, j) for i in range(8) for j in range(i)]
+#: The number of each entry among these.
+PLACES = np.empty((8, 8), int)
+for _n, (_i, _j) in enumerate(KEPT_ENTRIES):
+    PLACES[_i, _j] = PLACES[_j, _i] = _n
+
 
 class FitProblem(NamedTuple):
     """The prior knowledge and the options of an estimate.
@@ -93,8 +100,8 @@ class Readings(NamedTuple):
 class Results(NamedTuple):
     """states: (n, 9), with the power.  used: (n, 3) the detectors that took part.
     status, steps: (n,).  residuals: (n,) root of the sum of squares left.
-    covariances: (n, 8, 8); (0, 0, 0) for none.  Where status is not CONVERGED, states, residuals
-    and covariances become NaN."""
+    covariances: (n, 36), the `KEPT_ENTRIES`; (n, 0) for none.  Where status is not CONVERGED,
+    states, residuals and covariances become NaN."""
 
     states: Array
     used: Array
@@ -111,8 +118,13 @@ def empty_results(count: int, covariance: bool) -> Results:
         status=np.empty(count, np.int8),
         steps=np.empty(count, np.int32),
         residuals=np.empty(count),
-        covariances=np.empty((count, 8, 8) if covariance else (0, 0, 0)),
+        covariances=np.empty((count, len(KEPT_ENTRIES) if covariance else 0)),
     )
+
+
+def unpack_covariances(entries: Array) -> Array:
+    """Covariances (..., 8, 8) of their `KEPT_ENTRIES` (..., 36)."""
+    return entries.take(PLACES, axis=-1)
 
 
 def some_rows(which: Any, readings: Readings, request: FitProblem) -> tuple[Readings, FitProblem]:
@@ -129,8 +141,7 @@ def some_rows(which: Any, readings: Readings, request: FitProblem) -> tuple[Read
 def put_rows(results: Results, which: Array, some: Results) -> None:
     """Put the results of some readings in their places."""
     for whole, part in zip(results, some, strict=True):
-        if len(whole):
-            whole[which] = part
+        whole[which] = part
 
 
 class Form(NamedTuple):

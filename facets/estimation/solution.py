@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -73,10 +73,16 @@ class UncertainResult:
     calibration_degrees_of_freedom: Floats | None
 
     @property
+    def variance(self) -> Floats | None:
+        """The square of `uncertainty`; None without a covariance."""
+        return None if self.covariance is None else diagonal(self.covariance)
+
+    @property
     def uncertainty(self) -> Floats:
         """Combined standard uncertainty of each component: (..., 8) of a state, (..., 6) of an
         object's pose; mm and rad."""
-        return root_of_diagonal(self.require_covariance())
+        root: Floats = np.sqrt(self.require_covariance(self.variance))
+        return root
 
     @property
     def noise_uncertainty(self) -> Floats:
@@ -106,7 +112,7 @@ class UncertainResult:
         variance = self.uncertainty**2
         freedom: Floats = np.full(variance.shape, np.inf)
         if self.calibration_covariance is not None:
-            part = np.diagonal(self.calibration_covariance, axis1=-2, axis2=-1)
+            part = diagonal(self.calibration_covariance)
             known = np.asarray(self.calibration_degrees_of_freedom, float)[..., None]
             freedom = effective_degrees_of_freedom(variance, part, known)
         freedom[np.isnan(variance)] = np.nan
@@ -140,10 +146,11 @@ class UncertainResult:
         """
         return self.coverage_factor(probability) * self.uncertainty
 
-    def require_covariance(self) -> Floats:
-        if self.covariance is None:
+    def require_covariance(self, numbers: Floats | None) -> Floats:
+        """Return the covariance, or `numbers` that follow from it."""
+        if numbers is None:
             raise InputError("no covariance: it was left out by solve(..., covariance=False)")
-        return self.covariance
+        return numbers
 
     def require_part(self, covariance: Floats | None) -> Floats:
         if covariance is None:
@@ -155,9 +162,14 @@ class UncertainResult:
         return covariance
 
 
+def diagonal(covariance: Floats) -> Floats:
+    """Variances (..., m) of a covariance (..., m, m)."""
+    return np.diagonal(covariance, axis1=-2, axis2=-1)
+
+
 def root_of_diagonal(covariance: Floats) -> Floats:
     """Standard uncertainties (..., m) of a covariance (..., m, m)."""
-    root: Floats = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    root: Floats = np.sqrt(diagonal(covariance))
     return root
 
 
@@ -214,7 +226,7 @@ def expanded_columns(
 
 def covariance_columns(result: UncertainResult, prefix: str = "") -> dict[str, Floats]:
     """The covariance of poses as 21 columns: cov_tx_tx_mm2, ..., cov_yaw_yaw_mrad2."""
-    covariance = result.require_covariance()
+    covariance = result.require_covariance(result.covariance)
     return {
         name: covariance[..., i, j] / (STATE_UNITS[i] * STATE_UNITS[j])
         for name, (i, j) in covariance_entries(prefix).items()
@@ -332,7 +344,7 @@ class Solution(UncertainResult):
         columns["used"] = (self.used @ DETECTOR_BITS).astype(np.uint8)
         columns["residual"] = self.residual
         columns["power_mw"] = self.power
-        if self.covariance is not None:
+        if self.variance is not None:
             columns |= uncertainty_columns(self)
         return columns | {"misfit": self.misfit.astype(np.uint8)}
 
@@ -399,25 +411,19 @@ def solution(
     parts: UncertaintyParts | None = None,
 ) -> Solution:
     """The solution of results, in the leading `shape` of the readings."""
-    checks = chance.checks(results.used)
-    return Solution(
-        state=results.states[:, :8].reshape(*shape, 8),
-        status=results.status.reshape(shape),
-        power=results.states[:, 8].reshape(shape),
-        used=results.used.reshape(*shape, 3),
-        iterations=results.steps.reshape(shape),
-        residual=results.residuals.reshape(shape),
-        checks=checks.reshape(shape),
-        limit=chance.limits(checks).reshape(shape),
-        covariance=results.covariances.reshape(*shape, 8, 8)
-        if results.covariances.shape[1]
-        else None,
-        noise_covariance=None if parts is None else parts.noise.reshape(*shape, 8, 8),
-        calibration_covariance=None if parts is None else parts.calibration.reshape(*shape, 8, 8),
-        calibration_degrees_of_freedom=(
-            None if parts is None else np.full(shape, parts.degrees_of_freedom)
-        ),
-    )
+    checks, entries = chance.checks(results.used), results.covariances
+    known = {
+        "state": results.states[:, :8].reshape(*shape, 8),
+        "status": results.status.reshape(shape),
+        "power": results.states[:, 8].reshape(shape),
+        "used": results.used.reshape(*shape, 3),
+        "iterations": results.steps.reshape(shape),
+        "residual": results.residuals.reshape(shape),
+        "checks": checks.reshape(shape),
+        "limit": chance.limits(checks).reshape(shape),
+        "entries": entries.reshape(*shape, entries.shape[1]),
+    }
+    return LazySolution.from_fields(known, parts)
 
 
 #: How a field of a `LazySolution` is made of its numbers.
@@ -430,66 +436,74 @@ FIELDS: dict[str, Callable[[Floats], Any]] = {
     "residual": lambda numbers: numbers[..., RESIDUAL],
     "checks": lambda numbers: numbers[..., CHECKS].astype(np.int8),
     "limit": lambda numbers: numbers[..., LIMIT],
-    "covariance": lambda numbers: (
-        numbers[..., COVARIANCE:].reshape(*numbers.shape[:-1], 8, 8)
-        if numbers.shape[-1] > COVARIANCE
-        else None
-    ),
-    "noise_covariance": lambda numbers: None,
-    "calibration_covariance": lambda numbers: None,
-    "calibration_degrees_of_freedom": lambda numbers: None,
+    "entries": lambda numbers: numbers[..., COVARIANCE:],
 }
 
 
 def results_of(numbers: Floats) -> problem.Results:
     """The numbers of a `LazySolution` as results, whose floats are parts of them."""
     rows = numbers.reshape(-1, numbers.shape[-1])
-    fields = Solution(*(make(rows) for make in FIELDS.values()))
+    fields = {name: make(rows) for name, make in FIELDS.items()}
     return problem.Results(
         states=rows[:, :9],
-        used=fields.used,
-        status=fields.status,
-        steps=fields.iterations,
-        residuals=fields.residual,
-        covariances=np.empty((0, 0, 0)) if fields.covariance is None else fields.covariance,
+        used=fields["used"],
+        status=fields["status"],
+        steps=fields["iterations"],
+        residuals=fields["residual"],
+        covariances=fields["entries"],
     )
 
 
 class LazySolution(Solution):
-    """The solution of one reading or of a few, made of the numbers that blocks left.
+    """A solution whose fields are made when they are first asked for.
 
-    A field is made when it is first asked for: to make all nine takes as long as the estimate, and
-    a loop asks for two or three.
+    To make all of one reading takes as long as the estimate, and a loop asks for two or three. Of
+    many readings only the covariances are left, whose `KEPT_ENTRIES` take half the memory.
+
+    numbers: those that blocks left for one reading or a few (..., n).  entries: (..., 36) of the
+    covariances; (..., 0) without.
     """
 
+    numbers: Floats
+    entries: Floats
+
     @classmethod
-    def from_numbers(cls, numbers: Floats, parts: UncertaintyParts | None = None) -> LazySolution:
-        """numbers: (..., n).  Numbers and parts are its own."""
+    def from_fields(cls, known: dict[str, Any], parts: UncertaintyParts | None) -> LazySolution:
+        """known: some fields, and `numbers` or `entries`.  parts: of the covariances, if they have
+        some."""
         lazy = object.__new__(cls)
-        lazy.__dict__["_numbers"] = numbers
+        lazy.__dict__.update(known)
         if parts is not None:
-            shape = numbers.shape[:-1]
-            freedom = np.full(shape, parts.degrees_of_freedom)
-            lazy.__dict__["noise_covariance"] = parts.noise.reshape(*shape, 8, 8)
-            lazy.__dict__["calibration_covariance"] = parts.calibration.reshape(*shape, 8, 8)
-            lazy.__dict__["calibration_degrees_of_freedom"] = freedom
+            shape = lazy.status.shape
+            lazy.__dict__.update(
+                covariance=parts.whole.reshape(*shape, 8, 8),
+                noise_covariance=parts.noise.reshape(*shape, 8, 8),
+                calibration_covariance=parts.calibration.reshape(*shape, 8, 8),
+                calibration_degrees_of_freedom=np.full(shape, parts.degrees_of_freedom),
+            )
         return lazy
 
     def __getattr__(self, name: str) -> Any:
-        if name not in FIELDS or "_numbers" not in self.__dict__:
+        known = vars(self)
+        if name == "covariance":
+            entries = self.entries
+            made = problem.unpack_covariances(entries) if entries.shape[-1] else None
+            del known["entries"]  # twice the memory
+        elif name in FIELDS and "numbers" in known:
+            made = FIELDS[name](self.numbers)
+        else:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        made = self.__dict__[name] = FIELDS[name](self._numbers)
+        known[name] = made
         return made
 
-    def plain(self) -> Solution:
-        return Solution(*(getattr(self, name) for name in (*FIELDS, "index")))
+    @property
+    def variance(self) -> Floats | None:
+        if "covariance" in vars(self):
+            return super().variance
+        return self.entries[..., :8] if self.entries.shape[-1] else None
 
     def __repr__(self) -> str:
-        return repr(self.plain())
-
-    def __reduce__(self) -> Any:
-        """A copy is a plain `Solution`."""
-        return Solution, tuple(vars(self.plain()).values())
+        return repr(Solution(*(getattr(self, item.name) for item in fields(Solution))))
 
 
 #: The status of a row that is not numbers.

@@ -8,7 +8,6 @@ parameters. Blocks do nearly all of them; light that is cut is solved one by one
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -40,7 +39,7 @@ from .plan import (
 )
 from .problem import CHECKS, COVARIANCE, ITERATIONS, LIMIT, RESIDUAL, STATUS, USED, Form
 from .solution import LazySolution, Solution, results_of, solution
-from .uncertainty import UncertaintyParts, add_calibration
+from .uncertainty import uncertainty_parts
 
 
 @check_arguments
@@ -197,7 +196,7 @@ class PreparedEstimate:
         wandered = self._seeks and (numbers[:, ITERATIONS] > WANDERED).any()
         if wandered or (self._has_exact and (numbers[:, STATUS] == problem.STALLED).any()):
             return None
-        return LazySolution.from_numbers(self._put_limits(numbers), self._parts(numbers, warmer))
+        return self._solution(self._put_limits(numbers), warmer)
 
     def _put_rows(self, values: Floats) -> KeptBlocks:
         """Put readings (n, 9) into whole blocks, filled up with the last one, each to start at
@@ -230,10 +229,11 @@ class PreparedEstimate:
             numbers[..., CHECKS], numbers[..., LIMIT] = checks, self._chance.limits(checks)
         return numbers
 
-    def _parts(self, numbers: Floats, warmer: Floats | None = None) -> UncertaintyParts | None:
-        if self._sensor.calibration is None:
-            return None
-        return add_calibration(self._sensor, self._plan, results_of(numbers), warmer)
+    def _solution(self, numbers: Floats, warmer: Floats | None = None) -> Solution:
+        parts = None
+        if self._sensor.calibration is not None:
+            parts = uncertainty_parts(self._sensor, self._plan, results_of(numbers), warmer)
+        return LazySolution.from_fields({"numbers": numbers}, parts)
 
     def solve(self, values: Floats, start: Floats | None, warm: bool) -> Solution:
         """Solve a reading (9,) from `start`, or from zero without one.
@@ -253,7 +253,7 @@ class PreparedEstimate:
             return self._solution_in_doubt(results_of(numbers), warm)
         if warm:
             self._keep_end(numbers[: problem.UNKNOWNS], numbers[STATUS])
-        return LazySolution.from_numbers(numbers, self._parts(numbers))
+        return self._solution(numbers)
 
     def _own_numbers(self) -> Floats:
         """The block's numbers in an array of their own, with the limit of the detectors used."""
@@ -270,7 +270,7 @@ class PreparedEstimate:
             withdraw_doubtful(self._sensor, self._plan.free, chance, results, again)
         if warm:
             self._keep_end(results.states[0], results.status[0])
-        return solution(results, (), chance, add_calibration(self._sensor, self._plan, results))
+        return solution(results, (), chance, uncertainty_parts(self._sensor, self._plan, results))
 
     def _keep_end(self, state: Floats, status: int) -> None:
         self.end = state.copy() if status == problem.CONVERGED else None
@@ -400,8 +400,10 @@ def solve(
     """
     values = as_vectors(readings, 9, "readings")
     question = Question(beam, power, method, max_steps, covariance, accept_unchecked)
-    found, index = solve_question(sensor, values, question, start, threads), index_of(readings)
-    return found if index is None else replace(found, index=index)
+    found = solve_question(sensor, values, question, start, threads)
+    if (index := index_of(readings)) is not None:
+        object.__setattr__(found, "index", index)  # a solution that nobody else has yet
+    return found
 
 
 def solve_question(
@@ -428,7 +430,7 @@ def solve_question(
     request = make_problem(plan, starts, question, is_previous(start))
     rows = problem.Readings(values, sigmas_of(sensor, values))
     results = solve_rows(sensor, rows, plan, request, question.covariance, threads)
-    parts = add_calibration(sensor, plan, results, warmer)
+    parts = uncertainty_parts(sensor, plan, results, warmer)
     return solution(results, shape, chance_of(sensor, plan), parts)
 
 

@@ -47,7 +47,7 @@ from ..model.arrays import (
 from ..model.beam_shape import SHAPE, shape_derivatives
 from ..optics.forward import PARAMETERS
 from .plan import chance_of, jitter_share, make_plan
-from .problem import Results
+from .problem import Results, unpack_covariances
 
 if TYPE_CHECKING:
     from ..core.sensor import Calibration, Sensor
@@ -81,51 +81,38 @@ class Propagation(NamedTuple):
 
 
 class UncertaintyParts(NamedTuple):
-    """Covariances (n, 8, 8) of states by the readings' noise and by the calibration; NaN where a
-    state is not finite.  degrees_of_freedom: of the calibration; NaN: unknown."""
+    """Covariances (n, 8, 8) of states, and their parts by the readings' noise and by the
+    calibration; NaN where a state is not finite.  degrees_of_freedom: of the calibration; NaN:
+    unknown."""
 
+    whole: Floats
     noise: Floats
     calibration: Floats
     degrees_of_freedom: float
 
 
 def uncertainty_parts(
-    sensor: Sensor,
-    states: Floats,
-    used: NDArray[np.bool_],
-    plan: Plan,
-    warmer: Floats | None = None,
-) -> UncertaintyParts:
-    """The parts of the covariances of states (n, 8) of a sensor with a calibration.
+    sensor: Sensor, plan: Plan, results: Results, warmer: Floats | None = None
+) -> UncertaintyParts | None:
+    """The covariances of poses with those of the calibrated parameters (`Sensor.calibration`), and
+    their parts; None without a calibration or covariances.
 
     The other arguments are those of `propagate`.
     """
-    assert sensor.calibration is not None
-    noise, calibration = np.empty((len(states), 8, 8)), np.empty((len(states), 8, 8))
-    for part in slices_of(len(states)):
+    if sensor.calibration is None or not results.covariances.shape[1]:
+        return None
+    whole = unpack_covariances(results.covariances)
+    noise, calibration = np.empty_like(whole), np.empty_like(whole)
+    for part in slices_of(len(whole)):
         propagation = propagate(
-            sensor, sensor.calibration, states[part], used[part], plan,
+            sensor, sensor.calibration, results.states[part, :8], results.used[part], plan,
             None if warmer is None else warmer[part],
         )  # fmt: skip
         noise[part] = propagation.noise
         calibration[part] = carry_over(sensor.calibration, propagation.slopes)
+    whole += calibration
     known = sensor.calibration.degrees_of_freedom
-    return UncertaintyParts(noise, calibration, np.nan if known is None else known)
-
-
-def add_calibration(
-    sensor: Sensor, plan: Plan, results: Results, warmer: Floats | None = None
-) -> UncertaintyParts | None:
-    """Add the covariance of the calibrated parameters (`Sensor.calibration`) to the poses'
-    covariances.
-
-    warmer: (n,) than the reference temperature of the calibration, K.
-    """
-    if sensor.calibration is None or not results.covariances.shape[1]:
-        return None
-    parts = uncertainty_parts(sensor, results.states[:, :8], results.used, plan, warmer)
-    results.covariances[:] += parts.calibration
-    return parts
+    return UncertaintyParts(whole, noise, calibration, np.nan if known is None else known)
 
 
 def transpose(matrices: Floats) -> Floats:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 import operator
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -115,10 +116,6 @@ class LaneWriter(Tracer):
             self._factors[value] = operands
         return value
 
-    def factors(self, number: Value | float) -> tuple[Value | float, ...]:
-        """The factors of a product, which a sum fuses; of another number, itself alone."""
-        return self._factors.get(number, (number,))
-
     def round_product(self, x: Value) -> Value:
         """See `dispatch.round_product`: a number of which no factors are known."""
         return Value(self, x.ir)
@@ -185,6 +182,29 @@ class LaneWriter(Tracer):
         after = build.append_basic_block("after")
         build.cbranch(repetition.again, body, after)
         build.position_at_end(after)
+
+    def compute_unless(
+        self, known: Any, compute: Callable[[], Numbers], side: Any, most: int
+    ) -> Numbers:
+        """Write what `compute` writes, to run unless a bit is set; then its numbers are those that
+        the last run with this `side` left in memory.
+
+        side: a bit, for two memories of `most` numbers.  Products stay products, which sums fuse.
+        """
+        build, memory = self.builder, LaneMemory(self, 2 * most)
+        place = build.select(side, ir.Constant(LONG, most), ir.Constant(LONG, 0))
+        with build.if_then(build.not_(known), likely=True), self.scope():
+            results = compute()
+            parts = [self._factors.get(number, (number,)) for number in leaves(results)]
+            numbers = [each for part in parts for each in part if isinstance(each, Value)]
+            assert len(numbers) <= most
+            for n, number in enumerate(numbers):
+                memory[build.add(place, ir.Constant(LONG, n))] = number
+        loaded = (memory[build.add(place, ir.Constant(LONG, n))] for n in range(len(numbers)))
+        whole = (
+            [next(loaded) if isinstance(each, Value) else each for each in part] for part in parts
+        )
+        return nest(results, map(math.prod, whole))
 
     def where_any(
         self,
