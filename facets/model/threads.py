@@ -57,8 +57,9 @@ def once(make: Callable[..., T]) -> Callable[..., T]:
     return call
 
 
-#: Fewest rows for which a thread pays.
-MIN_ROWS_PER_THREAD = 1000
+#: Fewest rows of a thread: poses of 12 ms. A thread takes 0.3 ms more of processor time, and gains
+#: nothing while other programs use the cores.
+MIN_ROWS_PER_THREAD = 50_000
 
 
 def cores() -> int:

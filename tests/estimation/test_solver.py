@@ -236,6 +236,7 @@ def test_a_solution_of_one_reading_is_a_solution(readings):
 
 
 def test_threads_do_not_change_bits_and_what_fails_in_one_is_raised(readings, monkeypatch):
+    monkeypatch.setattr("facets.model.threads.MIN_ROWS_PER_THREAD", 1000)
     one, two = (facets.solve(SENSOR, readings, threads=count) for count in (1, 2))
     np.testing.assert_array_equal(one.state, two.state)
     np.testing.assert_array_equal(one.covariance, two.covariance)

@@ -123,7 +123,8 @@ def test_a_pose_has_the_same_bits_wherever_it_stands(light):
     same()
 
 
-def test_threads_do_not_change_bits():
+def test_threads_do_not_change_bits(monkeypatch):
+    monkeypatch.setattr("facets.model.threads.MIN_ROWS_PER_THREAD", 1000)
     rng = np.random.default_rng(5)
     at = rng.uniform(-1, 1, (2100, 8)) * ([0.2] * 3 + [0.02] * 3 + [0.2] * 2)
     for function in (facets.readings, facets.jacobian, facets.footprints):
