@@ -52,17 +52,22 @@ def directions() -> Floats:
     return rest
 
 
+def natural_powers(x: Floats) -> Floats:
+    """The values (n, KNOTS) at places (n,) from -1 to 1 of functions that add up to every natural
+    cubic spline: 1, x, and pieces of third order that are straight lines beyond the knots."""
+    knots = np.linspace(-1, 1, KNOTS)[:-1]
+    pieces = np.maximum(x[:, None] - knots, 0) ** 3 / (1 - knots)
+    return np.column_stack([np.ones(len(x)), x, pieces[:, :-1] - pieces[:, -1:]])
+
+
 def bases(places: Floats) -> Floats:
     """The values (n, LEFT) of the base functions at places (n, 2), in half sizes; beyond the edge,
     the values at the edge.
 
     Scaled so that a coefficient is about the r.m.s. of what it adds at the knots.
     """
-    from scipy.interpolate import CubicSpline
-
-    along = CubicSpline(np.linspace(-1, 1, KNOTS), np.eye(KNOTS), bc_type="natural")
-    with np.errstate(invalid="ignore"):
-        y, z = (along(np.clip(np.nan_to_num(places[:, n]), -1, 1)) for n in range(2))
+    at_knots = np.linalg.inv(natural_powers(np.linspace(-1, 1, KNOTS)))
+    y, z = (natural_powers(x) @ at_knots for x in np.clip(np.nan_to_num(places), -1, 1).T)
     tensor = (y[:, :, None] * z[:, None, :]).reshape(len(places), KNOTS**2)
     added: Floats = KNOTS * tensor @ directions()
     return added
