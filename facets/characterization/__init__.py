@@ -28,6 +28,7 @@ else:
             "singularity": (
                 "direction_in_words measures samples search_weakest survey weakest_direction"
             ),
+            "sobol": "Sobol",
             "state_box": "StateBox apex_offset box_of_poses least_share parse_box range_box",
             "tables": "outline_columns resolution_columns",
             "trials": "default_states estimator_of",

@@ -19,6 +19,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
 from ..model.arrays import derivatives, readings
 from .ranges import LEFT_OUT, saturation_clearances, scale_jacobian, scaled_jacobian
+from .sobol import Sobol
 from .state_box import AXES, StateBox, apex_offset
 
 CHUNK = 100_000
@@ -120,29 +121,15 @@ def samples(
     domain: StateBox, count: int, sampling: Literal["sobol", "uniform"], seed: int
 ) -> Iterator[Floats]:
     """States of the box (n, 8), chunk by chunk."""
-    from scipy.stats import qmc
-
     if not 1 <= count <= MAX_STATES:
         raise InputError(f"states are {count}; allowed: 1 to {MAX_STATES:,}")
     if sampling not in ("sobol", "uniform"):
         raise InputError(f'sampling is {sampling!r}; allowed: "sobol", "uniform"')
     rng = np.random.default_rng(seed)
-    sobol = qmc.Sobol(8, rng=rng) if sampling == "sobol" else None
+    sobol = Sobol(8, rng) if sampling == "sobol" else None
     for first in range(0, count, CHUNK):
         rows = min(CHUNK, count - first)
-        with np.errstate(all="ignore"):
-            shares = rng.random((rows, 8)) if sobol is None else sobol_points(sobol, rows)
-        yield domain.states(shares)
-
-
-def sobol_points(sobol: object, rows: int) -> Floats:
-    """Points of a Sobol sequence; SciPy would warn of a number that is no power of two."""
-    import warnings
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        points: Floats = sobol.random(rows)  # type: ignore[attr-defined]
-    return points
+        yield domain.states(rng.random((rows, 8)) if sobol is None else sobol.draw(rows))
 
 
 def survey(

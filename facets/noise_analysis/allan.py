@@ -43,7 +43,7 @@ def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
 
     signal: (n,) evenly spaced; NaN in gaps, which no average spans.  rate: Hz.  level: confidence.
     """
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     there = np.isfinite(signal)
     total = np.concatenate([[0.0], np.cumsum(np.where(there, signal - np.nanmean(signal), 0.0))])
@@ -64,8 +64,8 @@ def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
         degrees_of_freedom(used_ + 2 * int(m_), int(m_), float(s))
         for m_, used_, s in zip(m, used, slope, strict=True)
     ])  # fmt: skip
-    low = deviation * np.sqrt(freedom / chi2.ppf((1 + level) / 2, freedom))
-    high = deviation * np.sqrt(freedom / chi2.ppf((1 - level) / 2, freedom))
+    low = deviation * np.sqrt(freedom / (2 * gammaincinv(freedom / 2, (1 + level) / 2)))
+    high = deviation * np.sqrt(freedom / (2 * gammaincinv(freedom / 2, (1 - level) / 2)))
     return Allan(m / rate, deviation, low, high)
 
 

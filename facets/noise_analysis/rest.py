@@ -411,7 +411,7 @@ def predictable_variances(apart: Floats, allowed: Floats) -> list[tuple[float, i
     apart: differences of neighbouring means (n, 9), over the noise. The regression of independent
     noise explains a part of about 6 / n, which counts as chance.
     """
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     ratios = []
     for n in (0, 1, 3, 4, 6, 7):
@@ -419,7 +419,7 @@ def predictable_variances(apart: Floats, allowed: Floats) -> list[tuple[float, i
         fitted = others @ np.linalg.lstsq(others, apart[:, n], rcond=None)[0]
         explained = float(fitted @ fitted)
         remaining = max(float(((apart[:, n] - fitted) ** 2).mean()), 1e-300)
-        if explained > remaining * chi2.ppf(1 - CHANCE, others.shape[1]):
+        if explained > remaining * 2 * gammaincinv(others.shape[1] / 2, 1 - CHANCE):
             variance = (explained / len(apart) - remaining * others.shape[1] / len(apart)) / 2
             ratios.append((variance / float(allowed[n]), n))
     return ratios

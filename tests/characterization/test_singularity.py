@@ -6,6 +6,7 @@ from sensors import SENSORS, states
 
 import facets
 from facets.characterization import (
+    Sobol,
     apex_offset,
     direction_in_words,
     find_ambiguous_pair,
@@ -41,6 +42,15 @@ def test_samples_are_in_the_box_and_in_chunks():
     assert 1 <= every[:, 0].min() < every[:, 0].max() <= 2
     assert (every[:, [1, 2, 3, 4]] == 0).all()
     assert apex_offset(every).max() <= 0.1 + 1e-12
+
+
+@pytest.mark.parametrize("dimension", [1, 8, 34])
+def test_points_of_a_sobol_sequence_are_those_of_scipy(dimension):
+    from scipy.stats import qmc
+
+    own, rng = Sobol(dimension, np.random.default_rng(3)), np.random.default_rng(3)
+    points = np.concatenate([own.draw(5), own.draw(1), own.draw(250)])
+    np.testing.assert_array_equal(points, qmc.Sobol(dimension, rng=rng).random(256))
 
 
 def test_dark_states_are_counted_and_saturated_ones_measured_too():

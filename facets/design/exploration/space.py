@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...characterization.ranges import axis_ranges, clearances
 from ...characterization.resolution import uncertainties
 from ...characterization.singularity import measures
+from ...characterization.sobol import Sobol
 from ...core.errors import InputError
 from ...core.knowledge import Knowledge
 from ...core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS
@@ -118,10 +119,7 @@ def designs(space: Space) -> Floats:
 @lru_cache(1)  # one table serves all parts of a worker
 def draw(bounds: tuple[tuple[float, float], ...], count: int, seed: int) -> Floats:
     """Draw designs within bounds by a Sobol' sequence."""
-    from scipy.stats import qmc
-
-    power = int(np.ceil(np.log2(max(count, 2))))
-    shares = qmc.Sobol(len(bounds), rng=np.random.default_rng(seed)).random_base2(power)[:count]
+    shares = Sobol(len(bounds), np.random.default_rng(seed)).draw(count)
     low, high = np.array(bounds).T
     values: Floats = low + shares * (high - low)
     return values

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,6 +47,8 @@ if TYPE_CHECKING:
 REACH_DIAMETERS, EDGE_CLEARANCE, SEED = 0.3, 0.2, 1
 #: When the calibration of a head ends.
 ENDING = StoppingRule(steps=25, fall=0.1)
+#: 95 % of a normal distribution lie within this many standard deviations.
+NORMAL_95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -203,7 +206,8 @@ def count_passes(heads: SimulatedHeads) -> dict[str, int]:
 
 def interval(passed: int, count: int) -> tuple[float, float]:
     """The 95 % interval of a share, after `passed` of `count` heads (Wilson)."""
-    from scipy.stats import binomtest
-
-    ends = binomtest(passed, count).proportion_ci(0.95, method="wilson")
-    return float(ends.low), float(ends.high)
+    share, z = passed / count, NORMAL_95
+    scale = 2 * (count + z**2)
+    middle = (2 * count * share + z**2) / scale
+    half = z / scale * sqrt(4 * count * share * (1 - share) + z**2)
+    return middle - half if passed else 0.0, middle + half if passed < count else 1.0
