@@ -32,7 +32,7 @@ from facets import __version__
 from facets.core.errors import FacetsError
 
 from . import signals
-from .command import Command
+from .command import Command, Group
 from .console import BAD_INPUT, DONE, FINDING, INTERRUPTED, message, undrawn
 from .streams import Guarded
 
@@ -74,6 +74,7 @@ def app_of(names: Iterable[str]) -> typer.Typer:
     """Make the program with these commands alone, to avoid importing and describing the others."""
     made = typer.Typer(
         name="facets",
+        cls=Group,
         help="Design, simulate, calibrate and run a three-facet-mirror 6-DOF sensor.",
         no_args_is_help=True,
         rich_markup_mode=None,

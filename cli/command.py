@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
-from math import isfinite
+from contextlib import suppress
+from enum import Enum
+from math import inf, isfinite
+from pathlib import Path
 from typing import Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from facets.core.plain_numbers import plain_number
 
@@ -15,7 +18,22 @@ from facets.core.plain_numbers import plain_number
 OPTIONAL_VALUES = {"--web": ("0", r"[^-].*"), "--certify": ("20000", r"-?[\d.+e_]+")}
 
 
-class Command(TyperCommand):
+class PlainParameters:
+    """Commands whose parameters are converted by `Conversion`."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        params: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for param in params:
+            if "get_runtime_param" not in vars(param):
+                Conversion(param)
+        return params
+
+
+class Group(PlainParameters, TyperGroup):
+    """A group of commands."""
+
+
+class Command(PlainParameters, TyperCommand):
     """A command that refuses option values without a meaning.
 
     It refuses an empty value, the same value twice, another option's name, and a number that is
@@ -26,7 +44,7 @@ class Command(TyperCommand):
         add_optional_values(args)
         typed, _, _ = self.make_parser(ctx).parse_args(args=list(args))
         rest: list[str] = super().parse_args(ctx, args)
-        params: list[Any] = self.get_params(ctx)
+        params = self.get_params(ctx)
         names = [name for param in params for name in (*param.opts, *param.secondary_opts)]
         options = {name for name in names if name.startswith("-")}  # not the values of arguments
         for param in params:
@@ -38,6 +56,38 @@ class Command(TyperCommand):
             ):
                 raise typer.BadParameter(reason, ctx=ctx, param=param)
         return rest
+
+
+class Conversion:
+    """The conversion of a parameter's value, which leaves to typer what it does not know.
+
+    Typer converts by pydantic, whose import takes longer than all else that a short command does.
+    """
+
+    def __init__(self, param: Any) -> None:
+        self.of_typer, param.get_runtime_param = param.get_runtime_param, lambda: self
+
+    def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
+        described = param.type_descriptor
+        kind, least, most = described.annotation, *limits_of(described.parameter_info)
+        if value is None:
+            return () if param.multiple or param.nargs == -1 else None
+        if kind == list[str]:
+            return list(value)
+        if issubclass(kind, str | Path | Enum | int | float):
+            with suppress(ValueError):
+                plain = kind(value)
+                if not isinstance(plain, int | float) or least <= plain <= most:
+                    return plain
+        return self.of_typer().coerce(value, param, ctx)
+
+
+def limits_of(option: Any) -> tuple[float, float]:
+    """The least and the largest value of an option."""
+    return (
+        -inf if option.min is None else option.min,
+        inf if option.max is None else option.max,
+    )
 
 
 def add_optional_values(args: list[str]) -> None:

@@ -10,6 +10,7 @@ import typer
 from facets import config as configuration
 from facets.core.errors import ConfigError
 
+from .command import Command, Group
 from .console import BAD_INPUT, load_config, message
 from .options import ConfigName
 from .options.completion import configurations
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from facets.config import Config
 
 app = typer.Typer(
+    cls=Group,
     help="Check, show and describe configurations.",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -25,7 +27,7 @@ app = typer.Typer(
 )
 
 
-@app.command()
+@app.command(cls=Command)
 def check(
     files: Annotated[
         list[str],
@@ -51,7 +53,7 @@ def check(
         raise typer.Exit(BAD_INPUT)
 
 
-@app.command()
+@app.command(cls=Command)
 def show(config: ConfigName) -> None:
     """Print a configuration as YAML with all defaults filled in.
 
@@ -60,7 +62,7 @@ def show(config: ConfigName) -> None:
     sys.stdout.write(configuration.to_yaml(load_config(config)))
 
 
-@app.command()
+@app.command(cls=Command)
 def schema() -> None:
     """Print the JSON Schema of configurations.
 
@@ -71,11 +73,11 @@ def schema() -> None:
     typer.echo(json.dumps(configuration.schema(), indent=2))
 
 
-@app.command(name="list")
+@app.command("list", cls=Command)
 def list_() -> None:
     """List the configurations that come with facets."""
     for name in configuration.shipped():
-        typer.echo(f"{name}: {summary(configuration.load(name))}")
+        typer.echo(f"{name}: {configuration.purpose(name)}")
 
 
 def summary(config: Config) -> str:

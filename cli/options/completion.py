@@ -16,7 +16,7 @@ from facets.core.names import STATE_COLUMNS
 
 def configurations(incomplete: str) -> Iterator[str]:
     """Complete the shipped configurations, and the paths of YAML files and folders."""
-    yield from (name for name in configuration.files.shipped() if name.startswith(incomplete))
+    yield from (name for name in configuration.shipped() if name.startswith(incomplete))
     folder, slash, start = incomplete.rpartition("/")
     for path in sorted(Path(f"{folder}{slash}").glob(f"{glob.escape(start)}*")):
         if path.is_dir() or path.suffix in (".yaml", ".yml"):

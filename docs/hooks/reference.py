@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
-from facets.config import load, shipped
+from facets.config import purpose, shipped
 from facets.config.json_schema import allowed_values, document, entry
 from facets.config.show import scalar
 
@@ -112,17 +112,8 @@ def command_names() -> list[str]:
 
 def configurations() -> str:
     """A table of the shipped configurations, each with the first sentence of its comment."""
-    rows = "".join(f"| `{name}` | {opening(name)} |\n" for name in shipped())
+    rows = "".join(f"| `{name}` | {purpose(name)} |\n" for name in shipped())
     return f"| name | what it is |\n| --- | --- |\n{rows}"
-
-
-def opening(name: str) -> str:
-    """The first sentence of a shipped configuration's comment."""
-    path = load(name).path
-    head = re.match(r"(?:# .*\n)*", path.read_text("utf-8"))
-    lines = head[0].splitlines() if head else []
-    words = " ".join(line[2:] for line in lines if not line.startswith("#   "))
-    return re.split(r"(?<=[^A-Z.][.?]) (?=[A-Z])", words)[0]
 
 
 def face(folders: list[str]) -> str:
@@ -236,8 +227,9 @@ def motions() -> Iterator[str]:
     (any_motion,) = schema["properties"]["motions"]["patternProperties"].values()
     yield "\n## `motions`\n"
     yield "Each block below `motions` has a name of your choice; its `kind` tells the other keys."
-    for kind, reference in any_motion["discriminator"]["mapping"].items():
-        block = schema["$defs"][reference.removeprefix("#/$defs/")]
+    for option in any_motion["anyOf"]:
+        block = schema["$defs"][option["$ref"].removeprefix("#/$defs/")]
+        (kind,) = block["properties"]["kind"]["enum"]
         yield f"\n### A motion of the kind `{kind}`\n"
         yield sentence(block) + "\n"
         yield "\n| key | meaning | allowed | default |\n| --- | --- | --- | --- |"

@@ -35,7 +35,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import facets
-from facets.config.files import shipped
+from facets.config.shipped_files import shipped
 from facets.core.units import Floats
 from facets.model.arrays import is_near_edge
 

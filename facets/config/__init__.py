@@ -10,8 +10,9 @@ _NAMES_OF = {
     ".core.axis_keys": "State",
     "loading": "fingerprint load source_files",
     "json_schema": "key_names schema",
-    "models": "model_of",
-    "files": "shipped",
+    "checks": "ValueCheck",
+    "nodes": "block_node",
+    "shipped_files": "purpose shipped",
     "show": "to_yaml",
     "sensor_keys": "write_sensor",
 }
@@ -34,11 +35,12 @@ if TYPE_CHECKING:
     from . import files as files
     from . import grid as grid
     from . import sensor_keys as sensor_keys
-    from .files import shipped as shipped
     from .json_schema import schema as schema
     from .loading import fingerprint as fingerprint
     from .loading import load as load
     from .loading import source_files as source_files
+    from .shipped_files import purpose as purpose
+    from .shipped_files import shipped as shipped
     from .show import to_yaml as to_yaml
 else:
     __getattr__ = load_on_use(__name__, _NAMES_OF)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..core.errors import ConfigError
+from .shipped_files import shipped
 from .yaml_positions import Marked, path_text, read
 
 SUFFIXES = (".yaml", ".yml", ".json")
@@ -15,14 +16,6 @@ NAMED = (
     ("motions",),
     *(("optimize", "parts", kind) for kind in ("psds", "lasers", "amplifiers")),
 )
-
-
-def shipped() -> dict[str, Path]:
-    """The configurations that come with the package, by name."""
-    inside = Path(__file__).parents[1] / "configs"  # installed
-    beside = Path(__file__).parents[2] / "configs"  # in the source tree
-    folder = inside if inside.is_dir() else beside
-    return {file.stem: file for file in sorted(folder.glob("*.yaml"), key=lambda file: file.stem)}
 
 
 def find(name_or_path: str | Path, base: Path | None = None) -> Path:

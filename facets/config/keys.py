@@ -1,4 +1,4 @@
-"""The check of a whole configuration file, made from the declarations of its keys.
+"""The keys of a whole configuration file.
 
 Defaults are the rig of Park & Cho, Table 1; R_PSD, which is missing there, follows from the ranges
 of Table 2.
@@ -6,40 +6,41 @@ of Table 2.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Union
+from dataclasses import MISSING, replace
 
-from pydantic import BeforeValidator, Field, create_model
-
-from ..core.keys import Key, block_of
+from ..core.keys import Key, KeyBlock, block_of, block_of_keys
 from ..core.motions import KINDS
 from ..core.settings import Config
-from .models import NAME, StrictModel, field_of, model_of, none_to_block, type_of
 from .sensor_keys import SENSOR
 
-#: One of the kinds of motions, which has other keys than the others.
-MOTION: Any = Annotated[
-    Union[tuple(model_of(block_of(kind), kind=kind.kind) for kind in KINDS)],  # noqa: UP007
-    Field(discriminator="kind"),
-]
-MOTIONS: Any = dict[NAME, MOTION]
-EXTENDS = Key(
-    "extends",
-    None,
-    "shipped name, or path from this file, whose keys this file overrides; of "
-    "several, the later override the earlier",
-    hint=str | list[str],
-)
-BLOCKS = (EXTENDS, Key("sensor", {}, "the sensor", block=SENSOR), *block_of(Config).keys)
-KEYS: dict[str, Any] = {key.name: (type_of(key), field_of(key)) for key in BLOCKS}
-KEYS["motions"] = (
-    Annotated[MOTIONS, BeforeValidator(none_to_block)],
-    Field({}, description="name: motion; `facets simulate` runs them one after the other"),
-)
-ORDER = ("extends", "sensor", "motions", *KEYS)
+
+def _motion_block(block: KeyBlock, kind: str) -> KeyBlock:
+    word = Key("kind", MISSING, "kind of the motion", words={kind: kind})
+    return replace(block, common=(word,))
+
+
+#: The kinds of motions, each with its own keys.
+MOTIONS = {kind.kind: _motion_block(block_of(kind), kind.kind) for kind in KINDS}
 #: A whole file.
-Document: Any = create_model(
+DOCUMENT = block_of_keys(
     "Document",
-    __base__=StrictModel,
-    __doc__="A configuration of the three-facet-mirror 6-DOF sensor.",
-    **{name: KEYS[name] for name in dict.fromkeys(ORDER)},
+    "A configuration of the three-facet-mirror 6-DOF sensor.",
+    [
+        Key(
+            "extends",
+            None,
+            "shipped name, or path from this file, whose keys this file overrides; of "
+            "several, the later override the earlier",
+            hint=str | list[str],
+        ),
+        Key("sensor", {}, "the sensor", block=SENSOR),
+        Key(
+            "motions",
+            {},
+            "name: motion; `facets simulate` runs them one after the other",
+            kinds=MOTIONS,
+        ),
+        *block_of(Config).keys,
+    ],
+    dict,
 )

@@ -8,8 +8,6 @@ from math import inf, pi
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from ..core.arguments import check_arguments
 from ..core.channels import AuxiliaryChannel, is_taken
 from ..core.errors import ConfigError, InputError
@@ -18,8 +16,8 @@ from ..core.names import DETECTORS, escape_undecodable
 from ..core.settings import Config, resolved_text
 from . import alignment_check, build
 from .blame import culprits, message
+from .checks import resolve
 from .files import find, gather
-from .keys import Document
 from .problems import messages, quote_value
 from .yaml_positions import Marked, dotted_path, path_text
 
@@ -75,10 +73,9 @@ def fingerprint(resolved: dict[str, Any]) -> str:
 
 
 def _resolve(tree: Marked) -> dict[str, Any]:
-    try:
-        resolved = build.resolve(Document.model_validate(tree.plain()))
-    except ValidationError as error:
-        raise ConfigError("\n".join(messages(error, tree))) from None
+    resolved, wrong = resolve(tree.plain())
+    if wrong:
+        raise ConfigError("\n".join(messages(wrong, tree)))
     if lost := _locate_measured_files(tree, resolved["sensor"]):
         raise ConfigError("\n".join(lost))  # Without a sound tree there is no sensor to check.
     problems = [
@@ -101,7 +98,7 @@ def _resolve(tree: Marked) -> dict[str, Any]:
 
 def _sensor_keys(tree: Marked) -> dict[str, Any]:
     """The `sensor` block of a tree, completed by the keys of a sound one."""
-    keys: dict[str, Any] = build.resolve(Document.model_validate(tree.plain()))["sensor"]
+    keys: dict[str, Any] = resolve(tree.plain())[0]["sensor"]
     _locate_measured_files(tree, keys)
     return keys
 

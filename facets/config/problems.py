@@ -1,81 +1,49 @@
-"""Write pydantic's findings as `FILE:LINE: key.path: reason (got VALUE; allowed ...)`."""
+"""Write the problems of a file as `FILE:LINE: key.path: reason (got VALUE; allowed ...)`."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
+from collections.abc import Iterable
 from typing import Any
 
-from pydantic import ValidationError
-from pydantic_core import ErrorDetails
-
-from .json_schema import allowed_values, entry, key_names, suggest_name, suggestion
+from .json_schema import describe_values, suggest_name, suggestion
+from .nodes import BLOCK, Node
 from .yaml_positions import Marked, Path_, dotted_path
 
 
-def messages(error: ValidationError, tree: Marked) -> list[str]:
-    """A line for each problem, in the order of the file."""
-    plain = tree.plain()
-    texts = [_message_at(details, tree, plain) for details in error.errors()]
-    lines = {text: (str(mark.file), mark.line) for text, mark in texts}
+def messages(problems: list[tuple[Path_, str]], tree: Marked) -> list[str]:
+    """A line for each problem, given by its path and its reason, in the order of the file."""
+    lines = {}
+    for path, reason in problems:
+        mark, _ = tree.find(path)
+        lines[f"{mark.place}: {dotted_path(path)}: {reason}"] = str(mark.file), mark.line
     return sorted(lines, key=lambda text: lines[text])
 
 
-def _message_at(details: ErrorDetails, tree: Marked, plain: Any) -> tuple[str, Marked]:
-    path = _path_in_file(details, plain)
-    kind = details["type"]
-    mark, reached = tree.find(path)
-    if kind == "extra_forbidden":
-        reason = _unknown_key(path, plain)
-    elif kind == "string_pattern_mismatch":
-        reason = (
-            f"a motion's name is letters, digits, '.', '_' and '-' (got {quote_value(path[-1])})"
-        )
-    elif kind == "value_error":
-        reason = details["msg"].removeprefix("Value error, ")
-    elif reached != path and not isinstance(mark.value, dict):  # A single number may stand for two.
-        path, reason = reached, _wrong_value(reached, mark, plain)
-    elif reached != path:
-        reason = _missing_key(path, plain)
-    else:
-        reason = _wrong_value(path, mark, plain)
-    return f"{mark.place}: {dotted_path(path)}: {reason}", mark
+def wrong_name(name: str) -> str:
+    return f"a name is letters, digits, '.', '_' and '-' (got {quote_value(name)})"
 
 
-def _path_in_file(details: ErrorDetails, plain: Any) -> Path_:
-    """The path in the file, without the kind that pydantic adds inside a motion."""
-    path = details["loc"]
-    if path[0] == "motions" and len(path) > 2:
-        path = path[:2] + path[3:] if path[2] != "[key]" else path[:2]
-    if details["type"].startswith("union_tag"):
-        return (*path, "kind")
-    if details["type"] == "missing" and isinstance(path[-1], int):
-        return path[:-1]
-    return path
+def unknown_key(path: Path_, known: Iterable[str]) -> str:
+    hint = suggestion(path, list(known))
+    return f"unknown key{hint and '; ' + hint} (allowed: {', '.join(known)})"
 
 
-def _unknown_key(path: Path_, plain: Any) -> str:
-    hint = suggestion(path, plain)
-    known = ", ".join(key_names(path[:-1], plain))
-    return f"unknown key{hint and '; ' + hint} (allowed: {known})"
+def missing_key(path: Path_, node: Node) -> str:
+    return f"is missing (allowed: {describe_values(path, node)})"
 
 
-def _missing_key(path: Path_, plain: Any) -> str:
-    return f"is missing (allowed: {allowed_values(path, plain)})"
+def wrong_value(path: Path_, value: Any, node: Node) -> str:
+    may = describe_values(path, node)
+    return f"{_reason(value, node, may)} (got {quote_value(value)}; allowed: {may})"
 
 
-def _wrong_value(path: Path_, mark: Marked, plain: Any) -> str:
-    value = mark.plain()
-    may = allowed_values(path, plain)
-    reason = _reason(value, entry(path, plain) or {}, may)
-    return f"{reason} (got {quote_value(value)}; allowed: {may})"
-
-
-def _reason(value: Any, node: dict[str, Any], may: str) -> str:
+def _reason(value: Any, node: Node, may: str) -> str:
     if value is None:
         return "has no value"
-    if node.get("type") == "object":
+    if node.get("type") == BLOCK:
         return "must be a block of keys"
     if "enum" in node:
         near = suggest_name(str(value), node["enum"])

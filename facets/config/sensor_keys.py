@@ -36,9 +36,8 @@ TABLE = Key(
 
 
 def _sum_of_file(name: str) -> Key:
-    return Key(
-        name, None, "SHA-256 checksum of that file", hint=str, bounds={"pattern": "^[0-9a-f]{64}$"}
-    )
+    form = {"pattern": "^[0-9a-f]{64}$", "error": "must be 64 digits and letters a to f"}
+    return Key(name, None, "SHA-256 checksum of that file", hint=str, bounds=form)
 
 
 def _read_grid(values: Values) -> Grid | None:

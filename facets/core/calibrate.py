@@ -96,7 +96,10 @@ EFFECTS = block_of_keys(
 )
 
 #: The sign, digits and letters that a certificate's number may have, at the foot of each sheet.
-NUMBER = r"^[\w .,/-]*$"
+NUMBER = {
+    "pattern": r"^[\w .,/-]*$",
+    "error": "must be letters, digits, spaces and . , / - _",
+}
 
 
 def _entry(name: str, meaning: str, **bounds: Any) -> Any:
@@ -121,7 +124,7 @@ class Statement:
     """Entries for the calibration certificate (`facets calibrate --report`), which copies them
     unchecked and prints "not stated" for those left out."""
 
-    number: str | None = _entry("number", "number of the certificate", pattern=NUMBER)
+    number: str | None = _entry("number", "number of the certificate", **NUMBER)
     sensor: str | None = _entry("sensor", "maker and type of the calibrated sensor")
     serial: str | None = _entry("serial_number", "serial number of the calibrated sensor")
     customer: str | None = _entry("customer", "name and address of the customer")

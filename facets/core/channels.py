@@ -38,21 +38,8 @@ TAKEN_BEGINNINGS = (
 )  # fmt: skip
 
 
-def check_name(value: str) -> str:
-    """Return a channel's name; raise `ValueError` for text that cannot begin a column."""
-    if not re.fullmatch("[a-z][a-z0-9_]{0,39}", value):
-        raise ValueError(
-            f"must be small letters, digits and '_', at most 40, and begin with a letter (got "
-            f"{value!r})"
-        )
-    return value
-
-
-def check_unit(value: str) -> str:
-    """Return a unit; raise `ValueError` for text that is none."""
-    if not (1 <= len(value) <= 16 and value.isprintable() and value == value.strip()):
-        raise ValueError(f"must be a unit of 1 to 16 characters; 1 for no unit (got {value!r})")
-    return value
+#: Characters that no unit has: control characters, and spaces other than the plain one.
+UNPRINTABLE = r"\x00-\x1f\x7f-\xa0\xad\u200b-\u200f\u2028-\u202f\u205f-\u206f\u3000\ufeff"
 
 
 @dataclass(frozen=True)
@@ -64,10 +51,15 @@ class AuxiliaryChannel:
         "name",
         MISSING,
         "name, with which the column of tables begins: `force` in N is the column `force_n`",
-        check=check_name,
+        pattern="^[a-z][a-z0-9_]{0,39}$",
+        error="must be small letters, digits and '_', at most 40, and begin with a letter",
     )
     unit: str = key(
-        "unit", "1", "unit as people write it, such as N, A, degC, 1/min; 1: none", check=check_unit
+        "unit",
+        "1",
+        "unit as people write it, such as N, A, degC, 1/min; 1: none",
+        pattern=rf"^(?! )[^{UNPRINTABLE}]{{1,16}}(?<! )$",
+        error="must be a unit of 1 to 16 characters; 1 for no unit",
     )
     scale: float = key("scale", 1.0, "size of one count or volt, in `unit`", ge=-1e15, le=1e15)
     offset: float = key("offset", 0.0, "value at zero counts or volts", ge=-1e15, le=1e15)

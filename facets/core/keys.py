@@ -2,7 +2,7 @@
 
 The declaration says the key's default, bounds and unit, and what the key means. The default of the
 field, the conversion to the units of the code, the check of files with its messages, and the JSON
-Schema follow from it (`facets.config.models`).
+Schema follow from it (`facets.config`).
 
     @dataclass(frozen=True)
     class Amplifier:
@@ -31,15 +31,16 @@ class Key:
 
     default: in the key's unit; MISSING where a file must give the key.
     hint: type of the value in a file; that of the field if None.
-    bounds: `gt`, `ge`, `lt`, `le` of each number; `pattern`, `min_length`, `max_length` of text.
+    bounds: `gt`, `ge`, `lt`, `le` of each number; `pattern`, `min_length`, `max_length` of text,
+    `error` for text without the pattern.
     null: what the field holds where the file says null.
     words: the field's value for each word that a file may say, where the field holds no words.
     block: the keys inside, where the value is a block.
     named: the keys of each block inside, where the user gives these blocks their names.
+    kinds: likewise, by the word that each of these blocks has as its `kind`.
     listed: the keys of each block of a list.
     length: of a list for a field that holds a tuple of any length.
     from_single: whether a single number stands for a pair of equal ones.
-    check: returns the value, or raises `ValueError` with what is allowed.
     convert: turns the value, in the units of the code, into what the field holds.
     """
 
@@ -53,10 +54,10 @@ class Key:
     words: Values | None = None
     block: KeyBlock | None = None
     named: KeyBlock | None = None
+    kinds: Mapping[str, KeyBlock] | None = None
     listed: KeyBlock | None = None
     length: int = 0
     from_single: bool = False
-    check: Callable[[Any], Any] | None = None
     convert: Callable[[Any], Any] | None = None
 
     def read(self, value: Any) -> Any:

@@ -30,12 +30,11 @@ def drop_mirror(body: MeasuredObject) -> MeasuredObject | None:
     return None if body == MIRROR else body
 
 
-def check_line(value: str) -> str:
-    """Return the name of an input or output line; raise `ValueError` for any other text."""
-    kind, colon, place = value.partition(":")
-    if value != "board" and not (kind in ("ni", "file") and colon and place):
-        raise ValueError(f"must be board, ni:DEVICE/LINE or file:PATH (got {value!r})")
-    return value
+#: Name of an input or output line.
+LINE = {
+    "pattern": "^(board|(ni|file):.+)$",
+    "error": "must be board, ni:DEVICE/LINE or file:PATH",
+}
 
 
 @dataclass(frozen=True)
@@ -245,14 +244,14 @@ class Stage:
         None,
         "input without which no move is sent: `board` (flag 8 of its frames), "
         "`ni:Dev1/port0/line0`, or `file:PATH` of a file that holds 1",
-        check=check_line,
+        **LINE,
     )
     heartbeat: str | None = key(
         "heartbeat",
         None,
         "output for a sign of life while the stage may move: `board` (its port), "
         "`ni:Dev1/port0/line1` (toggles), or `file:PATH`",
-        check=check_line,
+        **LINE,
     )
     checked: str | None = key(
         "checked",

@@ -1,4 +1,4 @@
-"""`facets --help` and `--version` load nothing heavy; the time itself is not tested."""
+"""Short commands load nothing heavy; the time itself is not tested."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ print([name for name in heavy if name in sys.modules], file=sys.stderr)
 @pytest.mark.parametrize(
     ("words", "says", "heavy"),
     [(["--help"], "Commands:", HEAVY), (["--version"], f"facets {facets.__version__}", HEAVY),
-     (["config", "check", "paper"], "ok  paper", ("llvmlite", "scipy", "pandas"))],
+     (["config", "list"], "paper: The experimental rig", HEAVY),
+     (["config", "check", "paper"], "ok  paper", ("llvmlite", "scipy", "pandas", "pydantic"))],
 )  # fmt: skip
 def test_nothing_heavy_is_imported(words, says, heavy, tmp_path):
     result = run(sys.executable, "-c", PROBE, " ".join(heavy), *words, cwd=tmp_path)

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...config.build import differences
-from ...config.files import shipped
 from ...config.loading import load
 from ...config.sensor_keys import write_sensor
+from ...config.shipped_files import shipped
 from ...core.errors import ConfigError
 from ...core.names import DETECTORS, escape_undecodable
 from ...core.sensor import Sensor

@@ -10,8 +10,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ...config.build import differences, resolve
-from ...config.keys import Document
+from ...config.build import differences
+from ...config.checks import resolve
 from ...core.errors import InputError
 from ...core.names import DETECTORS, STATE, STATE_COLUMNS, STATE_UNITS
 from ...core.sensor import Sensor
@@ -96,7 +96,7 @@ def rig_page(
 def stated_keys(resolved: dict[str, Any]) -> dict[str, Any]:
     """The keys of a configuration's sensor, range and solver that differ from what `facets` takes
     where none are given. What lies in other files is left out."""
-    usual = resolve(Document.model_validate({}))
+    usual, _ = resolve({})
     stated = {block: differences(usual[block], resolved[block]) for block in SAVED}
     stated["sensor"].pop("calibration", None)
     for letter in DETECTORS:

@@ -1,0 +1,22 @@
+"""The configurations that come with the package."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+
+def shipped() -> dict[str, Path]:
+    """The configurations that come with the package, by name."""
+    inside = Path(__file__).parents[1] / "configs"  # installed
+    beside = Path(__file__).parents[2] / "configs"  # in the source tree
+    folder = inside if inside.is_dir() else beside
+    return {file.stem: file for file in sorted(folder.glob("*.yaml"), key=lambda file: file.stem)}
+
+
+def purpose(name: str) -> str:
+    """The first sentence of a shipped configuration's comment."""
+    head = re.match(r"(?:# .*\n)*", shipped()[name].read_text("utf-8"))
+    lines = head[0].splitlines() if head else []
+    words = " ".join(line[2:] for line in lines if not line.startswith("#   "))
+    return re.split(r"(?<=[^A-Z.][.?]) (?=[A-Z])", words)[0]
