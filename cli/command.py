@@ -33,7 +33,11 @@ class Group(PlainParameters, TyperGroup):
     """A group of commands."""
 
 
-class Command(PlainParameters, TyperCommand):
+class PlainCommand(PlainParameters, TyperCommand):
+    """A command that takes values as they are."""
+
+
+class Command(PlainCommand):
     """A command that refuses option values without a meaning.
 
     It refuses an empty value, the same value twice, another option's name, and a number that is

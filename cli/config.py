@@ -10,7 +10,7 @@ import typer
 from facets import config as configuration
 from facets.core.errors import ConfigError
 
-from .command import Command, Group
+from .command import Group, PlainCommand
 from .console import BAD_INPUT, load_config, message
 from .options import ConfigName
 from .options.completion import configurations
@@ -27,7 +27,7 @@ app = typer.Typer(
 )
 
 
-@app.command(cls=Command)
+@app.command(cls=PlainCommand)
 def check(
     files: Annotated[
         list[str],
@@ -53,7 +53,7 @@ def check(
         raise typer.Exit(BAD_INPUT)
 
 
-@app.command(cls=Command)
+@app.command(cls=PlainCommand)
 def show(config: ConfigName) -> None:
     """Print a configuration as YAML with all defaults filled in.
 
@@ -62,7 +62,7 @@ def show(config: ConfigName) -> None:
     sys.stdout.write(configuration.to_yaml(load_config(config)))
 
 
-@app.command(cls=Command)
+@app.command(cls=PlainCommand)
 def schema() -> None:
     """Print the JSON Schema of configurations.
 
@@ -73,7 +73,7 @@ def schema() -> None:
     typer.echo(json.dumps(configuration.schema(), indent=2))
 
 
-@app.command("list", cls=Command)
+@app.command("list", cls=PlainCommand)
 def list_() -> None:
     """List the configurations that come with facets."""
     for name in configuration.shipped():
