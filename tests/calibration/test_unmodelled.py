@@ -141,19 +141,20 @@ def bend_amplifiers(sensor, state, exact):
     ("alter", "words"),
     [
         (chip, "the mirror's tip is chipped on facet A"),
-        (reflex, "there is a second reflex beside the beam"),
         (remember, "detectors or their amplifiers keep a share of the reading before (up to 0.3"),
-        (bend_amplifiers, "the amplifiers bend"),
         (tarnish, "a facet reflects unevenly, as one that is tarnished (by up to 5"),
         (scatter, "light of one facet falls on another detector"),
         (give_way, "a facet yields as the mirror turns (A, by up to"),
-        (leak, "currents of one detector leak into the channels of another (up to 0.5"),
         (set_zero_again, "offsets of the detectors are set again and again, as by an automatic "
          "zero (every 40 rows)"),
         (oblique_window, "there are fringes of the window of detector B (0.9 mm apart)"),
-        pytest.param(fringe, "there are fringes across the beam", marks=pytest.mark.slow),
-        pytest.param(window, "there are fringes of the window of detector B (0.7",
-                     marks=pytest.mark.slow),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in (
+            (reflex, "there is a second reflex beside the beam"),
+            (bend_amplifiers, "the amplifiers bend"),
+            (leak, "currents of one detector leak into the channels of another (up to 0.5"),
+            (fringe, "there are fringes across the beam"),
+            (window, "there are fringes of the window of detector B (0.7"),
+        )),
     ],
 )  # fmt: skip
 def test_what_spoils_readings_is_named(alter, words):
@@ -235,7 +236,7 @@ def hum(frequency):
     return shake
 
 
-@pytest.mark.parametrize("quarters", [600, 602])
+@pytest.mark.parametrize("quarters", [pytest.param(600, marks=pytest.mark.slow), 602])
 def test_a_hum_is_found_and_stated_whole_between_the_frequencies_of_a_grid(quarters):
     judged = judge(sample_rig(COUNT, alter=hum(quarters / 4 / (2 * COUNT)))[1])
     (finding,) = [part for part in judged.findings if "oscillated" in part.words]

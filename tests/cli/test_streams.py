@@ -48,7 +48,13 @@ def test_an_output_that_is_full_is_told_and_loses_nothing(tmp_path):
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == FILES
 
 
-@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    "closed",
+    [
+        *(pytest.param(one, marks=pytest.mark.slow) for one in (">&-", "2>&-", "<&-")),
+        "<&- >&- 2>&-",
+    ],
+)
 def test_a_closed_stream_loses_nothing(tmp_path, closed):
     """In fresh interpreters, which find the streams closed."""
     script = f'"$@" {closed}'
