@@ -163,7 +163,7 @@ def run_on_cluster(
 
         jobs = client.map(partial(part_of, space), firsts, pure=False, retries=5)
         numbers = {job.key: first for job, first in zip(jobs, firsts, strict=True)}
-        for job in completed(jobs):  # type: ignore[no-untyped-call]
+        for job in completed(jobs):
             yield numbers[job.key], job.result()
             job.release()
 
