@@ -119,7 +119,7 @@ def floats_of(values: Any, width: int = 0) -> Floats:
     """Convert values as `as_floats` does, but raise `NotNumbersError`."""
     if width and (labels := labels_of(values)):
         return pick_columns(values, labels, width)
-    if isinstance(values, np.ma.MaskedArray):
+    if isinstance(values, np.ndarray) and hasattr(values, "mask"):  # numpy.ma is imported late
         values = unmask(values)
     if isinstance(values, list | tuple):
         return floats_of_list(values, width)

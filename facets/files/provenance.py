@@ -6,7 +6,6 @@ import platform
 import sys
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -99,6 +98,8 @@ def _commented_yaml(keys: dict[str, Any], about: dict[str, str]) -> str:
 
 def run_record(config: Config, seed: int | None, seconds: float, results: dict[str, Any]) -> str:
     """Describe a run completely, as YAML."""
+    from importlib.metadata import version
+
     from ruamel.yaml import YAML
 
     stream = StringIO()

@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache, wraps
 from itertools import pairwise
 from typing import Any, Generic, TypeVar
@@ -77,6 +76,8 @@ def share(run: Callable[[slice], Any], rows: int, threads: int) -> None:
     if count == 1:
         run(slice(0, rows))
         return
+    from concurrent.futures import ThreadPoolExecutor
+
     edges = [rows * k // count for k in range(count + 1)]
     parts = [slice(a, b) for a, b in pairwise(edges)]
     with ThreadPoolExecutor(count) as pool:
