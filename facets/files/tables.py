@@ -20,14 +20,14 @@ from dataclasses import replace
 from io import BytesIO, StringIO, TextIOWrapper
 from itertools import groupby, islice, tee
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..core.errors import InputError
 from ..core.names import READING_COLUMNS, escape_undecodable
 from ..core.plain_numbers import plain_number
-from ..core.units import Booleans, Floats, Integers, describe_bounds, find_implausible
+from ..core.units import Floats, describe_bounds, find_implausible
 from . import frame_table, hdf5_table, parquet_table, tdms_table
 from .columns import CONFIGURATION, TIME_HINT, Columns, columns_to_read
 from .columns import Chunk as Chunk
@@ -154,20 +154,31 @@ def open_bytes(path: Path) -> Iterator[Any]:
 BLOCK_BYTES, BLOCK_ROWS = 100_000, 1000
 
 
-class Block(NamedTuple):
-    """Whole lines of a file.  line: the number of the first, from 1."""
-
-    line: int
-    text: bytes
+#: Whole lines of a file, and the number of the first, from 1.
+Block = tuple[int, bytes]
 
 
 class Sheet:
     """An open CSV table after its header: its lines in blocks, and rows with their line numbers."""
 
     def __init__(self, path: Path, raw: Any) -> None:
-        self.path, self.raw, self.file = path, raw, raw
-        self.head: dict[str, str] = {}
-        header = self.take_header()
+        self.path, self.raw = path, raw
+        # old systems end lines with CR alone
+        is_old = re.search(rb"\r[^\n]", raw.peek(1))
+        self.file = file = BytesIO(line_feeds(raw.read())) if is_old else raw
+        header, self.first, self.head, declared = "", 0, {}, ""
+        for self.first, line in enumerate(file, start=1):
+            header = line.decode("utf-8-sig", "replace")
+            if declaration := re.fullmatch(r'(?i)"?sep= ?(.)"?\s*', header):  # Excel's
+                declared = declaration[1]
+            elif header.strip() and not header.startswith("#"):
+                break
+            key, mark, value = header[1:].partition(":")
+            if mark:
+                self.head[key.strip()] = value.strip()
+        else:
+            raise InputError(f"{path}: is empty: it has no header and no rows")
+        self.delimiter = declared or delimiter_of(header)
         try:
             names = next(csv.reader([header], delimiter=self.delimiter), [])
         except csv.Error as error:
@@ -178,57 +189,29 @@ class Sheet:
         #: Cells that a row may have besides, if they are empty.
         self.spare = 1 + len(names) - len(self.names)
 
-    def take_header(self) -> str:
-        """Read the lines up to the header, which is returned.
-
-        `first` becomes the number of its line, `head` the provenance before it, and `delimiter`
-        that of the table.
-        """
-        declared, self.first = "", 0
-        for part in self.raw:
-            # one line, but where lines end with CR alone, as on old systems
-            lines = part.splitlines(keepends=True)
-            for n, line in enumerate(lines, start=1):
-                self.first += 1
-                header = line.decode("utf-8-sig" if self.first == 1 else "utf-8", "replace")
-                if declaration := re.fullmatch(r'(?i)"?sep= ?(.)"?\s*', header):  # Excel's
-                    declared = declaration[1]
-                elif header.strip() and not header.startswith("#"):
-                    self.delimiter = declared or delimiter_of(header)
-                    if n < len(lines):
-                        self.file = BytesIO(b"".join([*lines[n:], self.raw.read()]))
-                    return header
-                key, mark, value = header[1:].partition(":")
-                if mark:
-                    self.head[key.strip()] = value.strip()
-        raise InputError(f"{self.path}: is empty: it has no header and no rows")
-
     def blocks(self) -> Iterator[Block]:
-        """Yield the lines after the header in blocks."""
+        """Yield the lines after the header, which end with line feeds, in blocks."""
         line = self.first + 1
         while text := self.file.read(BLOCK_BYTES):
-            text += self.file.readline()
-            yield Block(line, text)
+            text = line_feeds(text + self.file.readline())
+            yield line, text
             line += text.count(b"\n")
-            if b"\r" in text:
-                line += text.count(b"\r") - text.count(b"\r\n")
 
     def rows(self, blocks: Iterable[Block]) -> Iterator[tuple[int, list[str]]]:
         """Yield line numbers, from 1, and cells; skip comments, empty lines, and empty cells at
         the end of a row that has more cells than the header."""
         width = len(self.names)
-        for block in blocks:
-            text = StringIO(block.text.decode(errors="replace"), newline="")
+        for first, text in blocks:
+            lines = StringIO(text.decode(errors="replace"))
             # numbers need no quotes, and a stray one must not swallow the lines that follow it
-            reader = csv.reader(text, delimiter=self.delimiter, quoting=csv.QUOTE_NONE)
-            before = block.line - 1
+            reader = csv.reader(lines, delimiter=self.delimiter, quoting=csv.QUOTE_NONE)
             try:
                 for row in reader:
                     if row and not row[0].startswith("#"):
                         is_empty = len(row) > width and not "".join(row[width:]).strip()
-                        yield before + reader.line_num, row[:width] if is_empty else row
+                        yield first - 1 + reader.line_num, row[:width] if is_empty else row
             except csv.Error as error:
-                line = before + reader.line_num
+                line = first - 1 + reader.line_num
                 raise InputError(f"{self.path}:{line}: not a line of a table: {error}") from None
 
     def plain_numbers(self, text: bytes, places: Sequence[int]) -> Floats | None:
@@ -238,17 +221,20 @@ class Sheet:
         """
         mark, width = self.delimiter.encode(), len(self.names)
         # an empty line is not a row, and the reader of rows refuses longer cells
-        if width == 1 or self.spare > 1 or len(text) > csv.field_size_limit():
-            return None
-        if not text.endswith(b"\n"):
-            return None
-        end = b"\r\n" if text.endswith(b"\r\n") else b"\n"
-        marks = (mark * (width - 1) + end) * text.count(b"\n")
-        for characters, parse in ((NUMERIC, parse_numbers), (WORDY, parse_words)):
-            if text.translate(None, characters.replace(mark, b"")) == marks:
-                with suppress(ValueError):
-                    return parse(text, mark, width, places)
+        if width > 1 == self.spare and len(text) <= csv.field_size_limit() and text[-1:] == b"\n":
+            marks = (mark * (width - 1) + b"\n") * text.count(b"\n")
+            for characters, parse in ((NUMERIC, parse_numbers), (WORDY, parse_words)):
+                if text.translate(None, characters.replace(mark, b"")) == marks:
+                    with suppress(ValueError):
+                        return parse(text, mark, width, places)
         return None
+
+    def numbers(self, row: Sequence[str], places: Sequence[int]) -> list[float]:
+        """Whether a row is not numbers, and the numbers of its cells at `places`."""
+        with suppress(ValueError):
+            if len(row) == len(self.names):
+                return [False, *(number(row[place]) for place in places)]
+        return [True, *(np.nan for _ in places)]
 
     def columns_to_read(self, needed: Sequence[str], optional: Sequence[str]) -> list[str]:
         """Names of the columns to read; errors say which line was taken for the header."""
@@ -264,6 +250,11 @@ class Sheet:
 
     def bytes_read(self) -> int:
         return os.lseek(self.raw.fileno(), 0, os.SEEK_CUR) if self.raw.seekable() else 0
+
+
+def line_feeds(text: bytes) -> bytes:
+    """Whole lines with line feeds at their ends."""
+    return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
 
 
 #: Bytes of numbers, and of lines that are no comments.
@@ -285,7 +276,7 @@ def parse_numbers(text: bytes, mark: bytes, width: int, places: Sequence[int]) -
 def parse_words(text: bytes, mark: bytes, width: int, places: Sequence[int]) -> Floats:
     """Numbers (n, columns) of lines that have `width` numbers and words; NaN for empty cells, but
     not the first of a line."""
-    mark_before_gap = rb"%b(?=%b|\r|\n)" % (2 * (re.escape(mark),))
+    mark_before_gap = rb"%b(?=%b|\n)" % (2 * (re.escape(mark),))
     filled = re.sub(mark_before_gap, lambda match: match[0] + b"nan", text)
     lines = filled.decode().splitlines()
     return np.loadtxt(lines, delimiter=mark.decode(), comments=None, usecols=places, ndmin=2)
@@ -334,10 +325,10 @@ def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floa
         for line, row in sheet.rows(sheet.blocks()):
             if len(row) != len(sheet.names):
                 raise sheet.refuse_width(line, row)
-            try:
-                rows.append([number(row[place]) for place in places])
-            except ValueError:
-                raise InputError(f"{path}:{line}: this row cannot be read as numbers") from None
+            is_bad, *numbers = sheet.numbers(row, places)
+            if is_bad:
+                raise InputError(f"{path}:{line}: this row cannot be read as numbers")
+            rows.append(numbers)
     return use, np.array(rows, dtype=float).reshape(len(rows), len(use))
 
 
@@ -366,44 +357,39 @@ def read_csv(
         blocks, again = tee(sheet.blocks())
         refuse_words(sheet, use, list(islice(sheet.rows(again), LOOKED_AT)))
         del again  # it would keep all blocks
-        for lines, values, bad in equal_pieces(read_pieces(sheet, use, blocks, rows), rows):
-            columns = dict(zip(use, values.T, strict=True))
-            yield Chunk(columns, lines, bad, sheet.bytes_read())
+        pieces = (read_rows(sheet, use, block) for block in blocks)
+        for part in equal_pieces(pieces, rows):
+            lines, bad, *columns = part.T
+            named = dict(zip(use, columns, strict=True))
+            yield Chunk(named, lines.astype(np.int64), bad.astype(bool), sheet.bytes_read())
 
 
-#: Line numbers (n,), numbers (n, columns) of these rows, and which of them are not numbers (n,).
-Piece = tuple[Integers, Floats, Booleans]
-
-
-def read_pieces(
-    sheet: Sheet, names: Sequence[str], blocks: Iterable[Block], rows: int
-) -> Iterator[Piece]:
-    """Yield the numbers of a table in pieces of at most `rows`, by blocks where these are plain."""
+def read_rows(sheet: Sheet, names: Sequence[str], block: Block) -> Floats:
+    """The rows of a block (n, 2 + columns): the number of the line, whether it is not numbers, and
+    the numbers."""
     places = [sheet.names.index(name) for name in names]
-    for block in blocks:
-        values = sheet.plain_numbers(block.text, places)
-        if values is not None:
-            yield block.line + np.arange(len(values)), values, np.zeros(len(values), bool)
-            continue
-        numbered = sheet.rows([block])
-        while part := list(islice(numbered, rows)):
-            lines, cells = zip(*part, strict=True)
-            yield np.array(lines), *numbers(cells, places, len(sheet.names))
+    first, text = block
+    values = sheet.plain_numbers(text, places)
+    if values is None:
+        rows = [[line, *sheet.numbers(row, places)] for line, row in sheet.rows([block])]
+        return np.array(rows, dtype=float).reshape(-1, 2 + len(places))
+    lines = first + np.arange(len(values))
+    return np.column_stack([lines, np.zeros(len(lines)), values])
 
 
-def equal_pieces(pieces: Iterable[Piece], rows: int) -> Iterator[Piece]:
-    """Yield the same rows in pieces of `rows`, but for the last."""
-    waiting, count = list[Piece](), 0
+def equal_pieces(pieces: Iterable[Floats], rows: int) -> Iterator[Floats]:
+    """Yield the rows of arrays (n, m) in arrays of `rows`, but for the last."""
+    waiting, count = list[Floats](), 0
     for piece in pieces:
         waiting.append(piece)
-        count += len(piece[0])
-        while count >= rows:
-            joined = [np.concatenate(arrays) for arrays in zip(*waiting, strict=True)]
-            yield tuple(array[:rows] for array in joined)
-            waiting = [tuple(array[rows:] for array in joined)]
-            count -= rows
+        count += len(piece)
+        if count >= rows:
+            joined = np.concatenate(waiting)
+            whole = count - count % rows
+            yield from (joined[start : start + rows] for start in range(0, whole, rows))
+            waiting, count = [joined[whole:]], count % rows
     if count:
-        yield tuple(np.concatenate(arrays) for arrays in zip(*waiting, strict=True))
+        yield np.concatenate(waiting)
 
 
 #: A column that holds only words in this number of rows is taken for a column of words.
@@ -444,20 +430,6 @@ def is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def numbers(
-    rows: Sequence[list[str]], places: Sequence[int], width: int
-) -> tuple[Floats, Booleans]:
-    """Convert cells to floats (n, columns), empty ones to NaN; flag rows that are not numbers."""
-    bad = np.array([len(row) != width for row in rows])
-    values = np.full((len(rows), len(places)), np.nan)
-    for n in np.flatnonzero(~bad):
-        try:
-            values[n] = [number(rows[n][i]) for i in places]
-        except ValueError:
-            bad[n] = True
-    return values, bad
 
 
 def read_columns(path: Path) -> Columns:

@@ -68,6 +68,30 @@ def test_what_is_no_number_is_a_broken_row(write, raw, good, lines):
             tables.read_numbers(path)
 
 
+@pytest.mark.parametrize("beside", ["word", "4"])
+@pytest.mark.parametrize("mark", [",", ";", "."])
+@pytest.mark.parametrize("size", [1, 30, 100_000])
+def test_a_number_is_the_same_in_a_block_of_any_lines(write, monkeypatch, size, mark, beside):
+    monkeypatch.setattr(tables, "BLOCK_BYTES", size)
+    cells = {
+        "1": 1, "-0": -0.0, "-0e1": -0.0, "1e400": np.inf, "-Infinity": -np.inf, "+7": 7,
+        "": np.nan, "nan": np.nan, " 007 ": 7, '"2"': 2, "9007199254740993": 2.0**53,
+        "5e-324": 5e-324, "-2e23": -2e23,
+    }  # fmt: skip
+    spoilt = ["1_0", "x", "0x1", "1d5", "true", "[1]", "1 2", "\u0661", f"1{mark}2"]
+    rows = [mark.join([str(n), cell, beside]) for n, cell in enumerate([*cells, *spoilt, "3"])]
+    path = write("\r\n".join(["sep=" + mark, mark.join("bac"), *rows, "4"]))
+    columns, lines, bad = read(path)
+    assert lines == list(range(3, 4 + len(rows)))
+    first = 3 + len(cells)
+    assert bad == [*range(first, first + len(spoilt)), lines[-1]]
+    expected = np.array([*cells.values(), *(np.nan for _ in spoilt), 3, np.nan])
+    np.testing.assert_array_equal(columns["a"], expected)
+    np.testing.assert_array_equal(np.signbit(columns["a"]), np.signbit(expected))
+    assert read(write("a\n\n2\n"), ["a"])[1] == [3]
+    assert read(write("a,b\n1,2\n3"), ["a"])[2] == [3]
+
+
 def test_quotes_are_the_same_to_each_reader_and_swallow_no_lines(write):
     path = write('a,b\n0,"1\n1,2\n2,"3\n')
     columns, _, bad = read(path)
@@ -216,6 +240,20 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path, ending):
     np.testing.assert_array_equal(columns["a"], a)
     np.testing.assert_array_equal(columns["b"], a * 2)
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_each_cell_is_written_in_its_place(tmp_path):
+    numbers = np.arange(2500) / 4
+    columns = {
+        "a": numbers, "b": np.where(numbers == 1, np.nan, -numbers), "n": np.arange(2500),
+        "w": np.array(["x", "]"])[np.arange(2500) % 2], "is": numbers > 3,
+        "i": np.where(numbers == 2, np.inf, numbers),
+    }  # fmt: skip
+    tables.write_table(tmp_path / "t.csv", columns, {})
+    header, *lines = (tmp_path / "t.csv").read_text().splitlines()
+    assert header == "a,b,n,w,is,i"
+    for row, line in zip(zip(*columns.values(), strict=True), lines, strict=True):
+        assert line == ",".join(map(str, row)).replace("True", "true").replace("False", "false")
 
 
 def test_a_damaged_compressed_table_is_named(tmp_path):
