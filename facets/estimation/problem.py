@@ -44,8 +44,8 @@ RESIDUAL, CHECKS, LIMIT, COVARIANCE = range(14, 18)
 KEPT_ENTRIES = [(i, i) for i in range(8)] + [(i, j) for i in range(8) for j in range(i)]
 #: The number of each entry among these.
 PLACES = np.empty((8, 8), int)
-for _n, (_i, _j) in enumerate(KEPT_ENTRIES):
-    PLACES[_i, _j] = PLACES[_j, _i] = _n
+_rows, _columns = np.transpose(KEPT_ENTRIES)
+PLACES[_rows, _columns] = PLACES[_columns, _rows] = range(len(KEPT_ENTRIES))
 
 
 class FitProblem(NamedTuple):

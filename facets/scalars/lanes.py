@@ -234,7 +234,7 @@ class LaneWriter(Tracer):
     def _rare(self, condition: Condition, other: Numbers) -> Iterator[list[LaneMemory]]:
         """Write a part that runs if the condition holds in any lane, with memory of `other`
         numbers for its results."""
-        cells = [LaneMemory(self, 1) for _ in leaves(other)]
+        cells = [LaneMemory(self) for _ in leaves(other)]
         for cell, number in zip(cells, leaves(other), strict=True):
             cell[0] = number
         with self.builder.if_then(self.any(condition), likely=False), self.scope():
