@@ -21,8 +21,8 @@ import numpy as np
 import facets
 from facets.detectors.counts import readings_to_counts
 from facets.files.provenance import run_record
-from facets.live.recording.comparison import compare
-from facets.live.recording.pose_table import join_columns, recorded_poses
+from facets.live.recording.comparison import PoseComparison
+from facets.live.recording.pose_table import recorded_parts
 from facets.live.recording.replay import recorded_config, replay
 from facets.live.recording.writer import Recording
 from facets.live.run.live import Live
@@ -92,9 +92,9 @@ def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) 
     process.join()
     kept = (folder / "bytes.bin").read_bytes()
     assert data.startswith(kept)
-    parts = [p.columns() for p in replay(folder, Pipeline(recorded_config(folder)))]
-    solved = sum(len(part["seq"]) for part in parts)
-    old = recorded_poses(folder)
+    comparison = PoseComparison(recorded_parts(folder))
+    poses = replay(folder, Pipeline(recorded_config(folder)))
+    solved = sum(map(len, comparison.following(poses)))
     events = (folder / "events.jsonl").read_text()
     return {
         "given": byte_count.value,
@@ -102,8 +102,8 @@ def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) 
         "lost": byte_count.value - len(kept),
         "recovered": solved,
         "unrecovered": len(kept) // SIZE - solved,
-        "poses": len(old["seq"]) if old else 0,
-        "different": compare(old, join_columns(parts)).different if parts else 0,
+        "poses": comparison.recorded,
+        "different": comparison.different,
         "closed": events.count('"end"'),
         "status": process.exitcode or 0,
     }

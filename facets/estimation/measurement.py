@@ -110,6 +110,17 @@ class Measurement:
         """
         return self.finish(samples, *self.begin(samples))
 
+    def poses_of_pieces(self, samples: Samples) -> Poses | None:
+        """The poses of samples that came in pieces, as `poses` solves and counts one piece after
+        the other; None, and nothing is counted, where that takes a look at each of them."""
+        if self.is_measuring or self.config.solve.start == "previous":
+            return None
+        estimate = self.estimate(samples)
+        if not self.tally.may_join(estimate.solution):
+            return None
+        self.tally.add(self.config, samples, estimate)
+        return self.finish(samples, estimate.solution, np.zeros(len(samples.readings), dtype=bool))
+
     def poses_of_all(self, parts: Iterable[Samples], what: str) -> Iterator[Poses]:
         """Solve the parts of a whole table, in their order; all poses have displacements.
 
@@ -184,7 +195,7 @@ class Measurement:
 
         solution = solve(np.s_[:], options.start)
         if options.start == "zero" and not solution.converged.all():
-            retry(solution, solve)
+            retry(solution, solve, [len(exact)] if samples.ends is None else samples.ends)
         if samples.saturated is not None and samples.saturated.any():
             full = samples.saturated & (solution.status == Status.NON_FINITE)
             status = np.where(full, np.int8(Status.SATURATED), solution.status)
@@ -309,13 +320,22 @@ def unknown_displacements(solution: Solution) -> ObjectPose:
     return ObjectPose(unknown[:, 0], None, unknown, part, part, True, freedom)
 
 
-def retry(solution: Solution, solve: Any) -> None:
-    """Solve the samples without a pose again, each from the nearest that has one."""
-    lost = np.flatnonzero(np.isin(solution.status, LOST))
-    good = np.flatnonzero(solution.converged)
-    if not (len(lost) and len(good)):
+def retry(solution: Solution, solve: Any, ends: Any) -> None:
+    """Solve the samples without a pose again, each from the nearest one of its piece that has one.
+
+    ends: of the pieces.
+    """
+    is_lost, has_pose = np.isin(solution.status, LOST), solution.converged
+    pairs, first = [np.empty((2, 0), np.intp)], 0
+    for end in ends:
+        lost, good = (first + np.flatnonzero(each[first:end]) for each in (is_lost, has_pose))
+        if len(lost) and len(good):
+            pairs.append(np.stack([lost, nearest(lost, good)]))
+        first = end
+    lost, good = np.concatenate(pairs, axis=1)
+    if not len(lost):
         return
-    again = solve(lost, solution.state[nearest(lost, good)])
+    again = solve(lost, solution.state[good])
     for item in fields(Solution):
         array = getattr(solution, item.name)
         if array is not None:  # covariances may be left out

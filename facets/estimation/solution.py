@@ -533,6 +533,8 @@ class Samples:
         configuration's `solve` says of the beam.
     saturated
         (n,) whether a converter was at its end; None where that is not known.
+    ends
+        The ends of the pieces in which samples of a run came, if these are several.
     """
 
     readings: Floats
@@ -542,6 +544,7 @@ class Samples:
     place: Floats | None = None
     place_sigma: float | None = None
     saturated: Booleans | None = None
+    ends: Integers | None = None
 
     def __post_init__(self) -> None:
         if not len(self.numbers):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from ..core.arguments import as_floats
 from ..core.knowledge import Knowledge, Prior
 from ..core.names import TEMPERATURE_COLUMN
 from ..core.plain_numbers import short_number
-from ..core.units import Floats, describe_bounds
+from ..core.units import Booleans, Floats, Integers, describe_bounds
 from ..detectors.temperature import PLACES, beam_shift
 from ..model.arrays import is_near_edge, readings
 from .plan import FALSE_ALARM_RATE, chance_of, make_plan
@@ -88,10 +88,11 @@ class Misfit:
         knowledge: Knowledge,
         method: str,
         readings: Floats,
+        ends: Integers | None = None,
     ) -> None:
         """Count solved readings (n, 9), as perfect detectors would give them.
 
-        knowledge, method: with which they were solved.
+        knowledge, method: with which they were solved.  ends: of the pieces in which they came.
         """
         flags = solution.misfit
         if flags.any():
@@ -101,10 +102,17 @@ class Misfit:
         sizes = residual_sizes(solution)
         self.judged += len(sizes)
         self.flagged += int(flags.sum())
-        self.sizes.append(sizes)
+        if ends is None:
+            self.sizes.append(sizes)
+        else:
+            self.sizes += np.split(sizes, np.cumsum(are_checked(solution))[ends[:-1] - 1])
         self.kept += len(sizes)
         while self.kept - len(self.sizes[0]) >= KEPT:
             self.kept -= len(self.sizes.popleft())
+
+    def has_room(self, count: int) -> bool:
+        """Whether so many more flagged readings leave one of every `stride` as an example."""
+        return len(self.examples) + -(-count // self.stride) <= MAX_EXAMPLES
 
     def keep_examples(self, flags: NDArray[np.bool_], readings: Floats, places: Floats) -> None:
         rows = np.flatnonzero(flags)
@@ -264,9 +272,14 @@ def place_that_explains(
 
 def residual_sizes(solution: Solution) -> Floats:
     """The residuals (k,) of the poses that can be checked, over what noise leaves in them (RMS)."""
-    checked = solution.converged & (solution.checks > 0)
+    checked = are_checked(solution)
     sizes: Floats = solution.residual[checked] / np.sqrt(solution.checks[checked])
     return sizes
+
+
+def are_checked(solution: Solution) -> Booleans:
+    """Whether there is a pose that can be checked: (n,)."""
+    return solution.converged & (solution.checks > 0)
 
 
 def median_size(solution: Solution) -> float:
@@ -328,8 +341,17 @@ class Tally:
     unknown_temperatures: int = 0
     is_cold: bool = False
 
+    def may_join(self, solution: Solution) -> bool:
+        """Whether pieces of samples are counted together as one after the other.
+
+        Not where a status is new, or where examples or unseen errors are chosen piece by piece.
+        """
+        statuses = {LABELS[status] for status in np.unique(solution.status).tolist()}
+        is_usual = statuses <= self.statuses.keys() and self.checked >= FIRST_POSES
+        return is_usual and self.misfit.has_room(int(solution.misfit.sum()))
+
     def add(self, config: Config, samples: Samples, estimate: SampleEstimate) -> None:
-        """Count solved samples."""
+        """Count solved samples; those of several pieces where these `may_join`."""
         sensor, (solution, knowledge, exact) = config.sensor, estimate
         self.add_statuses(solution)
         if sensor.thermal.is_on:
@@ -337,10 +359,14 @@ class Tally:
             if samples.temperature is not None:
                 self.unknown_temperatures += int((~np.isfinite(samples.temperature)).sum())
         self.misfit.carried |= samples.place_sigma is not None
-        self.misfit.add(solution, sensor, knowledge, config.solve.method, exact)
+        self.misfit.add(solution, sensor, knowledge, config.solve.method, exact, samples.ends)
         converged, checks = solution.converged, solution.checks > 0
-        self.look_for_unseen(config, estimate)
-        self.unchecked += int((converged & (self.is_bare | ~checks)).sum())
+        was_bare, row = self.is_bare, self.look_for_unseen(config, estimate)
+        is_bare: Any = self.is_bare
+        if samples.ends is not None and is_bare != was_bare:  # from the piece of this row on
+            first = np.append(0, samples.ends)[(samples.ends <= row).sum()]
+            is_bare = is_bare ^ (np.arange(len(checks)) < first)
+        self.unchecked += int((converged & (is_bare | ~checks)).sum())
         if not sensor.apertures.detectors:
             near = (is_near_edge(sensor, samples.readings) & solution.used).any(axis=1)
             self.edges += int((converged & near).sum())
@@ -358,15 +384,18 @@ class Tally:
         if len(status):
             self.statuses[words] += len(status)
 
-    def look_for_unseen(self, config: Config, estimate: SampleEstimate) -> None:
-        """Bound the error of one spoilt number, at some of the next poses that can be checked."""
+    def look_for_unseen(self, config: Config, estimate: SampleEstimate) -> int:
+        """Bound the error of one spoilt number, at some of the next poses that can be checked.
+
+        Returns the last of these rows; 0 if there is none.
+        """
         solution, knowledge, _ = estimate
-        rows = np.flatnonzero(solution.converged & (solution.checks > 0))
+        rows = np.flatnonzero(are_checked(solution))
         order = self.checked + np.arange(len(rows))
         self.checked += len(rows)
         some = rows[(order < FIRST_POSES) | (order % LATER_POSES == 0)]
         if not len(some):
-            return
+            return 0
         known = config.solve.question(knowledge).rows(some)
         plan = make_plan(config.sensor, known.knowledge, shape=some.shape)
         redundancy = redundancies(config.sensor, solution.state[some], plan)
@@ -378,6 +407,7 @@ class Tally:
         self.expected += float(np.nansum(total / solution.checks[some]))
         self.sampled += int(np.isfinite(total).sum())
         self.is_bare = bool(total[-1] < plan.least_redundancy)
+        return int(some[-1])
 
     @property
     def solved_count(self) -> int:

@@ -14,9 +14,9 @@ from ..estimation.solution import worded_columns
 from ..estimation.zero import PoseColumns, ZeroRequest
 from ..files import provenance, tables
 from ..files.whole import STANDARD_STREAM
-from .recording.comparison import compare, comparison_sentences
+from .recording.comparison import PoseComparison, comparison_sentences
 from .recording.index import Damage
-from .recording.pose_table import join_columns, recorded_poses
+from .recording.pose_table import recorded_parts
 from .recording.reader import meta_of, seal_of, utc_offset
 from .recording.replay import recorded_config, replay
 from .run.pipeline import Pipeline, RunPoses, join_poses
@@ -95,15 +95,16 @@ class Playback:
     ) -> tuple[list[str], bool]:
         """Solve all samples, write the poses to `path`, if any, and compare them on request.
 
-        config_name: see `compare`. Returns the sentences for the user,
+        config_name: see `describe`. Returns the sentences for the user,
         and whether no comparison found a difference.
         """
+        comparison = PoseComparison(recorded_parts(self.folder))
         if compare:
-            poses = list(poses)
+            poses = comparison.following(poses)
         if path:
             self.write(path, poses)
-        compared, is_same = self.compare(poses, config_name) if compare else ([], True)
         deque(poses, maxlen=0)  # solve all poses, even if no output uses them
+        compared, is_same = self.describe(comparison, config_name) if compare else ([], True)
         return [*self.sentences(), *compared], is_same
 
     def sentences(self) -> Iterator[str]:
@@ -168,17 +169,17 @@ class Playback:
                 writer.write(worded_columns(part.columns()))
             refuse_nothing(path, writer.file)
 
-    def compare(self, poses: Iterable[RunPoses], config_name: str | None) -> tuple[list[str], bool]:
-        """Compare poses with the recorded ones, bit by bit.
+    def describe(
+        self, comparison: PoseComparison, config_name: str | None
+    ) -> tuple[list[str], bool]:
+        """Return the sentences on a comparison with the recorded poses, bit by bit, and whether
+        everything is equal and complete.
 
-        config_name: of the configuration for solving, unless it is the recording's own. Returns the
-        sentences for the user, and whether everything is equal and complete.
+        config_name: of the configuration for solving, unless it is the recording's own.
         """
-        parts = [part.columns() for part in poses]
-        result = compare(recorded_poses(self.folder), join_columns(parts) if parts else {})
         version = meta_of(self.folder, sealed=False).get("facets")
         return comparison_sentences(
-            result, seal_of(self.folder), self.damage, self.folder, version, config_name
+            comparison, seal_of(self.folder), self.damage, self.folder, version, config_name
         )
 
 

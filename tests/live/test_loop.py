@@ -23,9 +23,10 @@ from facets.live import (
     Live,
     Loop,
     Pipeline,
+    PoseComparison,
     Sink,
-    compare,
     join_columns,
+    locate,
     pack,
 )
 from facets.tracking import Encoder, Envelope, Law, Tracker
@@ -195,6 +196,13 @@ def test_a_stage_is_stopped_after_a_suspend_of_the_computer():
         loop.take(Block(block, 10.0 + 1e-4 * first, None))
 
 
+def compare(recorded, replayed):
+    comparison = PoseComparison(iter([recorded]))
+    comparison.add(replayed)
+    comparison.finish()
+    return comparison
+
+
 def test_a_comparison_knows_what_it_can_not_compare():
     whole = solve_in_turn(10)
     part = {name: column.copy() for name, column in whole.items()}
@@ -238,8 +246,8 @@ def test_the_place_of_a_moving_beam_is_known_as_well_as_its_age_and_speed_allow(
     (batch,) = pipeline.take(kills.stream(1), 10.0)
 
     def beam_at(host):
-        samples = pipeline.samples_of(replace(batch, host=np.array([host]), encoder=encoder))
-        return pipeline.measurement.knowledge(samples).beam
+        located = locate(CONFIG, replace(batch, host=np.array([host])), host, encoder)
+        return pipeline.measurement.knowledge(pipeline.samples_of(located)).beam
 
     beam = beam_at(10.02)
     assert beam.mean == pytest.approx(np.array([[1.06, 2.08]]) + CONFIG.solve.beam_offset)

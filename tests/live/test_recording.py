@@ -36,6 +36,8 @@ from facets.live import (
     acquire,
     blocks,
     join_columns,
+    pack,
+    parser,
     recorded_poses,
     replay,
     utc_offset,
@@ -130,6 +132,35 @@ def test_a_replay_writes_the_samples_of_many_blocks_together_and_all_of_them(tmp
     for name, column in join_columns(parts).items():
         if name not in ("status", "used"):  # which tables have in words
             np.testing.assert_array_equal(table[name].to_numpy(), column)
+
+
+def test_blocks_taken_together_give_the_bits_and_counts_of_one_after_the_other(tmp_path):
+    """Of blocks that end anywhere, with a spoilt byte, lost samples and darkness on detector B."""
+    samples = parser("frames", "").feed(kills.stream(6_000))
+    samples.seq[2_000:] += 7
+    samples.time[2_000:] += 700
+    samples.counts[3_000:3_100, 4:8] = 0
+    data = bytearray(pack(samples))
+    data[1_000 * SIZE + 9] ^= 1
+    recording, alone, parts = (
+        Recording(tmp_path / "rec", META, CONFIG.resolved),
+        Pipeline(CONFIG),
+        [],
+    )
+    for n in range(0, len(data), 1_300):
+        block = Block(bytes(data[n : n + 1_300]), 1.0 + 1e-4 * n / SIZE, None)
+        recording.add_block(block)
+        parts.append(alone.feed(block.data, block.arrival).columns())
+    recording.close()
+    together = Pipeline(CONFIG)
+    replayed = [poses.columns() for poses in replay(tmp_path / "rec", together)]
+    assert len(replayed) < len(parts) / 4
+    expected, columns = join_columns(parts), join_columns(replayed)
+    assert {name: column.tobytes() for name, column in columns.items()} == {
+        name: column.tobytes() for name, column in expected.items()
+    }
+    assert repr(vars(together.tally)) == repr(vars(alone.tally))
+    assert (together.parser.corrupt, together.sequence.lost) == (1, 8)
 
 
 @pytest.mark.parametrize("only", ["poses.arrows", "index.bin", "events.jsonl"])

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.names import STATE_COLUMNS
 from ...core.version import __version__
 from ...estimation.solution import Status
+from ..run.pipeline import RunPoses
 from .index import Damage
 from .pose_table import Columns
 from .reader import Seal
@@ -23,67 +26,133 @@ UNSEALED = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass
 class PoseComparison:
-    """Recorded poses beside those of a replay, sample by sample.
+    """Compares recorded poses with those of a replay, sample by sample, as both come.
 
-    recorded: poses on record.  skipped: samples among them that the run did not solve.  absent:
-    those that the replay does not have.  unrecorded: samples of the replay without a pose on
-    record, the first and the last of which are `ends`.  different: those that are not the same to
-    the last bit, in `columns`.  worst: difference of a pose, in standard uncertainties; infinite
-    where only one of the two has a pose.  since: the first sample that is different or absent.
+    stored: the recorded poses, in whatever order they were written.  recorded: poses on record.
+    skipped: samples among them that the run did not solve.  absent: those that the replay does not
+    have.  unrecorded: samples of the replay without a pose on record, the first and the last of
+    which are `ends`.  different: those that are not the same to the last bit, in `columns`.  worst:
+    difference of a pose, in standard uncertainties; infinite where only one of the two has a pose.
+    since: the first sample that is different or absent.  waiting: poses of the replay that may come
+    on record.  early: recorded poses that the replay may reach.  last, newest: the largest number
+    of a sample in the replay and on record so far.
     """
 
-    recorded: int
-    skipped: int
-    absent: int
-    unrecorded: int
-    ends: tuple[int, int]
-    different: int
-    columns: tuple[str, ...]
-    worst: float
-    since: int | None
+    stored: Iterator[Columns]
+    recorded: int = 0
+    skipped: int = 0
+    absent: int = 0
+    unrecorded: int = 0
+    ends: tuple[int, int] = (0, 0)
+    different: int = 0
+    columns: list[str] = field(default_factory=list)
+    worst: float = 0.0
+    since: int | None = None
+    waiting: list[Columns] = field(default_factory=list)
+    early: Columns | None = None
+    last: float = -inf
+    newest: float = -inf
 
     @property
     def is_same(self) -> bool:
         """Whether all that is there of both is the same."""
         return not self.different
 
+    def following(self, replayed: Iterable[RunPoses]) -> Iterator[RunPoses]:
+        """Yield the same poses, and compare all of them with those on record."""
+        for poses in replayed:
+            self.add(poses.columns())
+            yield poses
+        self.finish()
 
-def compare(old: Columns, new: Columns) -> PoseComparison:
-    """Compare recorded poses with those of a replay; both are columns of `Poses.columns`."""
-    none: Columns = {"seq": np.zeros(0, np.int64), "status": np.zeros(0, np.int8)}
-    old, new = old or none, new or none
-    there = np.isin(old["seq"], new["seq"])
-    unrecorded = new["seq"][~np.isin(new["seq"], old["seq"])]
-    ends = (int(unrecorded[0]), int(unrecorded[-1])) if len(unrecorded) else (0, 0)
-    skipped = old["status"] == Status.SKIPPED
-    solved = there & ~skipped
-    rows = np.searchsorted(new["seq"], old["seq"][solved])
-    apart, columns = np.zeros(len(rows), bool), []
-    for name in [name for name in old if name in new] if len(rows) else ():
-        recorded, replayed = old[name][solved], new[name][rows]
-        differs = ~np.isclose(recorded, replayed, rtol=0, atol=0, equal_nan=True)
-        if differs.any():
-            columns.append(name)
-        apart |= differs
-    absent = ~there & ~skipped
-    doubtful = np.append(old["seq"][absent], old["seq"][solved][apart])
-    return PoseComparison(
-        len(old["seq"]), int(skipped.sum()), int(absent.sum()), len(unrecorded), ends,
-        int(apart.sum()), tuple(columns),
-        largest_difference(old, new, np.flatnonzero(solved)[apart], rows[apart]),
-        int(doubtful.min()) if len(doubtful) else None,
-    )  # fmt: skip
+    def add(self, replayed: Columns) -> None:
+        """Compare the next poses of a replay, whose numbers only grow."""
+        self.waiting.append(replayed)
+        self.last = int(replayed["seq"][-1])
+        self.read()
+
+    def finish(self) -> None:
+        """Compare the rest, once all poses of a replay are added."""
+        self.last = inf
+        self.read()
+
+    def read(self) -> None:
+        """Compare the recorded poses up to the last one of the replay."""
+        if self.early is not None:
+            self.match(self.early)
+        while self.newest < self.last:
+            part = next(self.stored, None)
+            if part is None:  # no more poses come on record
+                self.count_unrecorded()
+                break
+            self.recorded += len(part["seq"])
+            self.skipped += int((part["status"] == Status.SKIPPED).sum())
+            self.newest = max(self.newest, int(part["seq"].max()))
+            self.match(part)
+
+    def match(self, recorded: Columns) -> None:
+        """Compare recorded poses with those of the replay that have the same numbers."""
+        for n, replayed in enumerate(self.waiting):
+            here = np.isin(recorded["seq"], replayed["seq"])
+            if not here.any():
+                continue
+            old = select_rows(recorded, here & (recorded["status"] != Status.SKIPPED))
+            rows = np.searchsorted(replayed["seq"], old["seq"])
+            self.compare_rows(old, select_rows(replayed, rows))
+            rest = ~np.isin(replayed["seq"], recorded["seq"])
+            self.waiting[n] = select_rows(replayed, rest)
+            recorded = select_rows(recorded, ~here)
+        self.waiting = [part for part in self.waiting if len(part["seq"])]
+        is_ahead = recorded["seq"] > self.last
+        absent = recorded["seq"][~is_ahead & (recorded["status"] != Status.SKIPPED)]
+        self.absent += len(absent)
+        self.doubt(absent)
+        self.early = select_rows(recorded, is_ahead)
+
+    def compare_rows(self, old: Columns, new: Columns) -> None:
+        """Compare recorded poses with those of the replay of the same samples."""
+        apart = np.zeros(len(old["seq"]), bool)
+        for name in [name for name in old if name in new]:
+            recorded, replayed = old[name], new[name]
+            are_nan = (recorded != recorded) & (replayed != replayed)
+            differs = (recorded != replayed) & ~are_nan
+            if differs.any() and name not in self.columns:
+                self.columns = [each for each in old if each in (*self.columns, name)]
+            apart |= differs
+        if apart.any():
+            self.different += int(apart.sum())
+            self.doubt(old["seq"][apart])
+            off = largest_difference(select_rows(old, apart), select_rows(new, apart))
+            self.worst = max(self.worst, off)
+
+    def doubt(self, numbers: NDArray[np.int64]) -> None:
+        """Take note of samples that are different or absent."""
+        if len(numbers):
+            self.since = int(min(numbers.min(), inf if self.since is None else self.since))
+
+    def count_unrecorded(self) -> None:
+        """Count what waits as without a pose on record."""
+        for part in self.waiting:
+            first = self.ends[0] if self.unrecorded else int(part["seq"][0])
+            self.ends = first, int(part["seq"][-1])
+            self.unrecorded += len(part["seq"])
+        self.waiting = []
 
 
-def largest_difference(old: Columns, new: Columns, rows: Any, others: Any) -> float:
+def select_rows(columns: Columns, rows: Any) -> Columns:
+    """Select rows of all columns."""
+    return {name: column[rows] for name, column in columns.items()}
+
+
+def largest_difference(old: Columns, new: Columns) -> float:
     """The largest difference of a pose, in standard uncertainties."""
     worst = 0.0
     for name in (f"u_{name}" for name in STATE_COLUMNS if f"u_{name}" in old):
-        recorded, replayed = old[name[2:]][rows], new[name[2:]][others]
+        recorded, replayed = old[name[2:]], new[name[2:]]
         only_one = np.isnan(recorded) != np.isnan(replayed)
-        sigma = np.where(old[name][rows] > 0, old[name][rows], 1.0)
+        sigma = np.where(old[name] > 0, old[name], 1.0)
         off = np.where(only_one, np.inf, np.nan_to_num(np.abs(recorded - replayed) / sigma))
         worst = max(worst, float(off.max(initial=0.0)))
     return worst

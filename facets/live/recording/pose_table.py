@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
@@ -57,8 +58,8 @@ def crc_of(columns: Columns) -> int:
     return crc
 
 
-def recorded_poses(folder: Path) -> Columns:
-    """Return the poses that a recording holds and that can be proven, in the samples' order.
+def recorded_parts(folder: Path) -> Iterator[Columns]:
+    """Yield the poses that a recording holds and that can be proven, as they were written.
 
     A batch that is not as it was written is left out; past a torn end nothing can be read. Status
     is the number of a `facets.Status`.
@@ -66,7 +67,6 @@ def recorded_poses(folder: Path) -> Columns:
     import nanoarrow as na
     from nanoarrow.ipc import InputStream
 
-    parts: list[Columns] = []
     with (
         suppress(OSError, RuntimeError, ValueError, MemoryError),
         InputStream.from_path(str(folder / "poses.arrows")) as stream,
@@ -77,7 +77,12 @@ def recorded_poses(folder: Path) -> Columns:
             part = {name: np.asarray(array.to_pysequence()) for name, array in arrays.items()}
             proof = part.pop(CRC, None)
             if proof is not None and len(proof) and (proof == crc_of(part)).all():
-                parts.append(part)
+                yield part
+
+
+def recorded_poses(folder: Path) -> Columns:
+    """Return all of `recorded_parts`, in the samples' order."""
+    parts = list(recorded_parts(folder))
     if not parts:
         return {}
     poses = join_columns(parts)

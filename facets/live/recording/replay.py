@@ -11,11 +11,16 @@ from ...core.errors import ConfigError, InputError
 from ...core.settings import resolved_text
 from ...core.version import __version__
 from ..run.pipeline import Pipeline, RunPoses
+from ..sources.source import Block
 from .index import Damage, name_of_copy
 from .reader import blocks, meta_of, size_of
+from .together import solve_blocks
 
 if TYPE_CHECKING:
     from ...core.settings import Config
+
+#: Blocks are taken in together until they have more bytes than this.
+BYTES_TOGETHER = 300_000
 
 
 def recorded_config(folder: Path) -> Config:
@@ -71,7 +76,7 @@ def replay(
     on_progress: Callable[[int, int], None] = lambda *_: None,
     salvage: bool = False,
 ) -> Iterator[RunPoses]:
-    """Yield the poses of a recording, block by block as they came; they equal those of the run.
+    """Yield the poses of a recording, those of many blocks at once; they equal those of the run.
 
     All samples are solved, also those that the run had no time for. Bytes that nothing proves are
     not read in a format without checksums, since they could be anything.  damage: counts
@@ -79,16 +84,28 @@ def replay(
     and their total.  salvage: see `blocks`.
     """
     damage = damage if damage is not None else Damage()
-    done, whole, doubtful = 0, size_of(folder), False
-    for block in blocks(folder, damage, salvage):
-        on_progress(done, whole)
-        done += len(block.data)
-        doubtful |= block.doubtful
-        if block.doubtful and pipeline.config.acquire.format == "text":
-            continue
-        poses = pipeline.feed(block.data, block.arrival, block.encoder)
-        if poses is not None:
+    done, size, whole, doubtful = 0, 0, size_of(folder), False
+    held: list[Block] = []
+
+    def solve_held() -> Iterator[RunPoses]:
+        for poses in solve_blocks(pipeline, held) if held else ():
             if doubtful and damage.since is None:
                 damage.since = int(poses.seq[0])
             yield poses
+        held.clear()
+
+    for block in blocks(folder, damage, salvage):
+        on_progress(done, whole)
+        done += len(block.data)
+        if block.doubtful and not doubtful:
+            yield from solve_held()
+            doubtful = True
+        if block.doubtful and pipeline.config.acquire.format == "text":
+            continue
+        held.append(block)
+        size += len(block.data)
+        if size > BYTES_TOGETHER:
+            yield from solve_held()
+            size = 0
+    yield from solve_held()
     yield from map(pipeline.solve, pipeline.release())

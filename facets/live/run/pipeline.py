@@ -3,15 +3,15 @@
 A block is taken in once, in order: parsed, its counters followed, its counts turned into readings.
 Its samples are then solved in batches. The poses of a batch depend only on the samples of the
 batch, so that they are the same to the last bit in whatever order and at whatever time batches are
-solved.
+solved. `recording.together` takes in many blocks at once where this gives the same.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from math import hypot, inf
+from math import hypot, inf, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -64,9 +64,9 @@ class Batch:
 
     seq: (n,) unwrapped numbers.  time: (n,) unwrapped times of the board, us.  host: (n,) times on
     the host's monotonic clock, s.  readings: (n, 9) as the detectors gave them.  aligned: (n, 9)
-    readings of one instant for each sample.  flags: (n,) bits of FLAGS.  arrival: time at which the
-    bytes came, s.  encoder: the stage's position then.  channels: (n,) values of each auxiliary
-    channel by its column; NaN where a sample has none.
+    readings of one instant for each sample.  flags: (n,) bits of FLAGS.  channels: (n,) values of
+    each auxiliary channel by its column; NaN where a sample has none.  arrival: time at which the
+    bytes came, s.  place, place_sigma: the beam's place by the stage, see `Samples`.
     """
 
     seq: NDArray[np.int64]
@@ -75,31 +75,19 @@ class Batch:
     readings: Floats
     aligned: Floats
     flags: NDArray[np.uint8]
-    arrival: float
-    encoder: Encoder | None
     channels: dict[str, Floats] = field(default_factory=dict)
+    arrival: float = nan
+    place: Floats | None = None
+    place_sigma: float | None = None
 
     def __len__(self) -> int:
         return len(self.seq)
 
-    def split(self) -> Iterator[Batch]:
-        """Yield the samples in batches of at most BATCH samples, in their order."""
-        for start in range(0, len(self), BATCH):
-            yield self.part(slice(start, start + BATCH))
-
     def part(self, rows: slice) -> Batch:
-        """Return some of the samples."""
+        """Return some of the samples, while no place is known."""
         channels = {column: values[rows] for column, values in self.channels.items()}
         columns = {name: getattr(self, name)[rows] for name in PER_SAMPLE}
         return replace(self, channels=channels, **columns)
-
-    def join(self, later: Batch) -> Batch:
-        """Return the samples of both, with the arrival and the encoder of the later ones."""
-        columns = {
-            name: join([getattr(self, name), getattr(later, name)])
-            for name in (*PER_SAMPLE, "channels")
-        }
-        return replace(later, **columns)
 
     def join_solution(self, poses: Poses) -> RunPoses:
         """Return the samples with their poses."""
@@ -150,6 +138,13 @@ class RunTally(Tally):
     samples: int = 0
     flags: Counter[str] = field(default_factory=Counter)
 
+    def add_flags(self, flags: NDArray[np.uint8]) -> None:
+        """Count samples and their flags."""
+        self.samples += len(flags)
+        if flags.any():
+            for bit, name in FLAGS.items():
+                self.flags[name] += int((flags & bit > 0).sum())
+
     def pose_complaint(self) -> str:
         """Say why no sample gave a pose; empty if one did."""
         if not self.samples:
@@ -183,8 +178,8 @@ class Pipeline:
         self.board = BoardPoses()
         self.doubts = Doubts(least_light(config.sensor))
         self.trust = Trust(config)
-        self.dark = np.full(12, config.acquire.dark)
         self.waiting: Batch | None = None  # the last two samples; see `await_neighbours`
+        self.origin: Any = ()  # arrival of the last samples, and the stage's place then
 
     def feed(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> RunPoses | None:
         """Return the poses of all samples that a block completes; None if it completes none.
@@ -208,20 +203,38 @@ class Pipeline:
         if not len(samples):
             return []
         host = self.times.follow(time, arrival, self.sequence.breaks > breaks)
-        readings, flags = self.convert(samples)
+        return self.batches_of(samples, seq, time, host, [(len(seq), self.times.arrival, encoder)])
+
+    def batches_of(
+        self,
+        samples: RawSamples,
+        seq: NDArray[np.int64],
+        time: NDArray[np.int64],
+        host: Floats,
+        pieces: Sequence[tuple[int, float, Encoder | None]],
+    ) -> list[Batch]:
+        """Return samples in batches of at most BATCH samples, in their order.
+
+        pieces: of each block the end of its samples, their arrival and the stage's place.
+        """
+        readings, flags = convert(self.config, samples)
         self.trust.add_samples(samples, flags, host)
-        flags |= np.where(samples.flags & OVERRUN, LOST_BEFORE, 0).astype(np.uint8)
-        flags |= np.where(samples.flags & MARK, MARKED, 0).astype(np.uint8)
-        flags |= np.where(samples.flags & PERMIT, PERMITTED, 0).astype(np.uint8)
-        self.count(flags)
+        for bit, flag in ((OVERRUN, LOST_BEFORE), (MARK, MARKED), (PERMIT, PERMITTED)):
+            flags |= np.where(samples.flags & bit, flag, 0).astype(np.uint8)
+        self.tally.add_flags(flags)
         channels = {
             channel.column: channel.values(samples.channels[:, n])
             for n, channel in enumerate(self.config.acquire.channels)
         }
-        whole = Batch(
-            seq, time, host, readings, readings, flags, self.times.arrival, encoder, channels
-        )
-        return list(self.await_neighbours(whole).split())
+        whole = self.await_neighbours(Batch(seq, time, host, readings, readings, flags, channels))
+        batches, start, waiting = [], 0, len(seq) - len(whole)
+        for end, arrival, encoder in pieces:
+            while start < end - waiting:
+                batch = whole.part(slice(start, min(start + BATCH, end - waiting)))
+                batches.append(locate(self.config, batch, arrival, encoder))
+                start += len(batch)
+        self.origin = pieces[-1][1:]
+        return batches
 
     def await_neighbours(self, newest: Batch) -> Batch:
         """Return the samples whose neighbours have come, with readings of one instant.
@@ -232,7 +245,7 @@ class Pipeline:
         if not any(self.config.sensor.light.delays):
             return newest
         first = len(self.waiting) - 1 if self.waiting else 0
-        rows = self.waiting.join(newest) if self.waiting else newest
+        rows = join([self.waiting, newest]) if self.waiting else newest
         seconds = 1e-6 * rows.time.astype(np.float64)
         rows = replace(rows, aligned=align(self.config.sensor, seconds, rows.readings))
         self.waiting = rows.part(slice(-2, None))
@@ -241,35 +254,19 @@ class Pipeline:
     def release(self) -> list[Batch]:
         """Return the last sample of a stream, if it still waits for a next one."""
         last, self.waiting = self.waiting, None
-        return [last.part(slice(-1, None))] if last else []
+        return [locate(self.config, last.part(slice(-1, None)), *self.origin)] if last else []
 
     def warm_up(self) -> None:
         """Compile or load the code that the stream needs, before it runs."""
         light = np.full((2, 9), 0.1)
         example = Batch(
             np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), light, light,
-            np.zeros(2, np.uint8), 0.0, None,
+            np.zeros(2, np.uint8),
         )  # fmt: skip
         prepare(self.config.sensor, self.measurement.at_rest)
         warm = Pipeline(self.config)
         warm.measurement.poses(warm.samples_of(example))
         unseen_errors(self.config.sensor, np.zeros(8))
-
-    def convert(self, samples: RawSamples) -> tuple[Floats, NDArray[np.uint8]]:
-        """Readings (n, 9) and flags (n,) of counts."""
-        sensor, electronics = self.config.sensor, self.config.electronics
-        xy_sum = samples.kind == XY_SUM
-        if xy_sum.all() or not xy_sum.any():
-            return counts_to_readings(
-                sensor, electronics, samples.counts, bool(xy_sum[0]), self.dark
-            )
-        out, flags = np.empty((len(samples), 9)), np.empty(len(samples), np.uint8)
-        for kind in (True, False):
-            part = xy_sum == kind
-            out[part], flags[part] = counts_to_readings(
-                sensor, electronics, samples.counts[part], kind, self.dark
-            )
-        return out, flags
 
     def solve(self, batch: Batch) -> RunPoses:
         """The poses of a batch.
@@ -279,17 +276,20 @@ class Pipeline:
         """
         samples = self.samples_of(batch)
         poses = self.measurement.poses(samples)
-        cold = np.zeros(len(batch), dtype=bool)
-        if samples.temperature is not None:
-            cold = ~np.isfinite(samples.temperature)
-        solution = poses.solution
-        self.doubts.add(batch.readings, batch.flags, solution.misfit, cold)
-        self.trust.add_poses(solution, float(batch.host[-1]))
         if self.board.came:  # the board does not know the temperature
-            known = solution
+            known = poses.solution
             if samples.temperature is not None:
                 known, *_ = self.measurement.estimate(replace(samples, temperature=None))
             self.board.compare(batch.seq, known)
+        return self.judge(batch, samples, poses)
+
+    def judge(self, batch: Batch, samples: Samples, poses: Poses) -> RunPoses:
+        """Add solved samples to what speaks against poses, and return them with their poses."""
+        cold = np.zeros(len(batch), dtype=bool)
+        if samples.temperature is not None:
+            cold = ~np.isfinite(samples.temperature)
+        self.doubts.add(batch.readings, batch.flags, poses.solution.misfit, cold)
+        self.trust.add_poses(poses.solution, float(batch.host[-1]))
         return batch.join_solution(poses)
 
     def skip(self, batch: Batch) -> RunPoses:
@@ -298,28 +298,42 @@ class Pipeline:
 
     def samples_of(self, batch: Batch) -> Samples:
         """Return the samples of a batch with the beam's place by the stage, and temperatures."""
-        place = sigma = None
-        if (encoder := batch.encoder) is not None:
-            sigma, age = inf, float(batch.host[-1]) - encoder.time
-            place = encoder.places(batch.host)
-            if age <= MAX_EXTRAPOLATION_S:
-                # the stage may have changed its speed since it answered: half the way is uncertain
-                moving = float(np.hypot(*encoder.speed)) * (TIMING_SIGMA_S + max(0.0, age) / 2)
-                sigma = hypot(self.config.stage.accuracy, moving, jitter_of(self.config))
         temperature = None
         if self.config.sensor.thermal.is_on:
             temperature = batch.channels.get(TEMPERATURE_COLUMN)
         return Samples(
-            batch.aligned, batch.seq, 1e-6 * batch.time.astype(np.float64), temperature, place,
-            sigma, batch.flags & SATURATED > 0,
+            batch.aligned, batch.seq, 1e-6 * batch.time.astype(np.float64), temperature,
+            batch.place, batch.place_sigma, batch.flags & SATURATED > 0,
         )  # fmt: skip
 
-    def count(self, flags: NDArray[np.uint8]) -> None:
-        """Add samples and their flags to the tally."""
-        self.tally.samples += len(flags)
-        if flags.any():
-            for bit, name in FLAGS.items():
-                self.tally.flags[name] += int((flags & bit > 0).sum())
+
+def convert(config: Config, samples: RawSamples) -> tuple[Floats, NDArray[np.uint8]]:
+    """Readings (n, 9) and flags (n,) of counts."""
+    sensor, electronics = config.sensor, config.electronics
+    dark = np.full(12, config.acquire.dark)
+    xy_sum = samples.kind == XY_SUM
+    if xy_sum.all() or not xy_sum.any():
+        return counts_to_readings(sensor, electronics, samples.counts, bool(xy_sum[0]), dark)
+    out, flags = np.empty((len(samples), 9)), np.empty(len(samples), np.uint8)
+    for kind in (True, False):
+        part = xy_sum == kind
+        out[part], flags[part] = counts_to_readings(
+            sensor, electronics, samples.counts[part], kind, dark
+        )
+    return out, flags
+
+
+def locate(config: Config, batch: Batch, arrival: float, encoder: Encoder | None) -> Batch:
+    """Return a batch with its arrival, and the beam's place by the stage."""
+    place = sigma = None
+    if encoder is not None:
+        sigma, age = inf, float(batch.host[-1]) - encoder.time
+        place = encoder.places(batch.host)
+        if age <= MAX_EXTRAPOLATION_S:
+            # the stage may have changed its speed since it answered: half the way is uncertain
+            moving = float(np.hypot(*encoder.speed)) * (TIMING_SIGMA_S + max(0.0, age) / 2)
+            sigma = hypot(config.stage.accuracy, moving, jitter_of(config))
+    return replace(batch, arrival=arrival, place=place, place_sigma=sigma)
 
 
 def jitter_of(config: Config) -> float:
@@ -332,13 +346,16 @@ def join_poses(parts: list[RunPoses]) -> RunPoses:
     return parts[0] if len(parts) == 1 else join(parts)
 
 
-def join(parts: list[Any]) -> Any:
-    """Join records of arrays, and of records and tables of arrays, one after the other."""
+def join(parts: Sequence[Any]) -> Any:
+    """Join records of arrays, and of records and tables of arrays, one after the other; of anything
+    else take the first."""
     first = parts[0]
+    if isinstance(first, np.ndarray):
+        return np.concatenate(parts)
     if isinstance(first, dict):
         return {name: join([part[name] for part in parts]) for name in first}
     if not is_dataclass(first):
-        return None if first is None else np.concatenate(parts)
+        return first
     kind: Any = Solution if isinstance(first, Solution) else type(first)
     names = [item.name for item in fields(kind)]
     return kind(**{name: join([getattr(part, name) for part in parts]) for name in names})

@@ -96,12 +96,13 @@ class Sequence:
         self.memory["seq"][0] = 1  # no row has a number that belongs there
 
     def follow(
-        self, samples: RawSamples, arrival: float = nan
+        self, samples: RawSamples, arrival: float = nan, counts: list[int] | None = None
     ) -> tuple[RawSamples, NDArray[np.int64], NDArray[np.int64]]:
         """Return the samples to be used, and their seq and time (us), which only grow.
 
         arrival: of the bytes at the host, s, on a clock that is never set; NaN if it is not known.
-        After a restart the time continues by the host's clock.
+        counts: how many of the samples came in each block, for those of several blocks, which must
+        `continues`. After a restart the time continues by the host's clock.
         """
         self.fresh = 0
         if not len(samples):
@@ -110,20 +111,35 @@ class Sequence:
             self.start_count(int(samples.seq[0]))
             self.seq, self.time = int(samples.seq[0]) - 1, int(samples.time[0])
             self.board.seq, self.board.time = self.seq, self.time
-        step = (int(samples.seq[0]) - self.board.seq) % WRAP
-        passed = (int(samples.time[0]) - self.board.time) % WRAP
-        ends = run_ends(samples)
-        if step == 1 and passed < CLOSE_US and len(ends) == 1:
+        if self.continues(samples):
             seq = self.seq + 1 + np.arange(len(samples))
+            passed = (int(samples.time[0]) - self.board.time) % WRAP
             time = self.time + passed + elapsed_counts(samples.time)
-            is_single = len(samples) == 1
-            self.period = self.period or float(passed) if is_single else usual_step(time)
+            self.period = self.newest_period(time, counts or [len(time)])
             self.remember(samples, arrival)
         else:
-            samples, seq, time = self.sort_out(samples, ends, arrival)
+            samples, seq, time = self.sort_out(samples, arrival)
         if len(samples):
             self.seq, self.time = int(seq[-1]), int(time[-1])
         return samples, seq, time
+
+    def continues(self, samples: RawSamples) -> bool:
+        """Whether the samples follow the newest one and each other in both counters."""
+        step = (int(samples.seq[0]) - self.board.seq) % WRAP
+        passed = (int(samples.time[0]) - self.board.time) % WRAP
+        is_next = self.counts > 0 and step == 1 and passed < CLOSE_US
+        return is_next and len(run_ends(samples)) == 1
+
+    def newest_period(self, time: NDArray[np.int64], counts: list[int]) -> float:
+        """The period by times (n,) of which so many came in each block: that of the last block with
+        several samples, else the known one."""
+        end = len(time)
+        for count in reversed(counts):
+            if count > 1:
+                return usual_step(time[end - count : end])
+            end -= count
+        steps = np.diff(time, prepend=self.time)
+        return self.period or next(filter(None, map(float, steps)), 0.0)
 
     @property
     def leap_sentence(self) -> str:
@@ -144,19 +160,16 @@ class Sequence:
         self.repeating = nan
 
     def sort_out(
-        self, samples: RawSamples, ends: list[int], arrival: float
+        self, samples: RawSamples, arrival: float
     ) -> tuple[RawSamples, NDArray[np.int64], NDArray[np.int64]]:
-        """Follow samples run by run, if a counter does not simply go on.
-
-        ends: of the runs.
-        """
+        """Follow samples run by run, if a counter does not simply go on."""
         keep = np.zeros(len(samples), dtype=bool)
         seqs: list[NDArray[np.int64]] = []
         times: list[NDArray[np.int64]] = []
         seq, time = self.seq, self.time
         gap = 1e6 * (arrival - self.board.host)  # host's time since the last samples, us
         n = 0
-        for end in ends:
+        for end in run_ends(samples):
             while n < end and self.is_again(samples, n, arrival):
                 self.doubled += 1
                 n += 1
@@ -348,7 +361,8 @@ class Sequence:
 
 def run_ends(samples: RawSamples) -> list[int]:
     """The ends of runs, whose samples simply follow each other in both counters."""
-    steps, passed = np.diff(samples.seq), np.diff(samples.time)  # unsigned, and wrap
+    seq, time = samples.seq, samples.time
+    steps, passed = seq[1:] - seq[:-1], time[1:] - time[:-1]  # unsigned, and wrap
     breaks = np.flatnonzero((steps != 1) | (passed >= CLOSE_US)) + 1
     return [*breaks.tolist(), len(samples)]
 

@@ -7,9 +7,12 @@ up to 15 auxiliary channels (f32). docs/formats.md describes the bytes for those
 from __future__ import annotations
 
 import zlib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Protocol
+from itertools import accumulate, pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,16 +82,40 @@ class RawSamples:
         )  # fmt: skip
 
 
-class Parser(Protocol):
+class Parser(ABC):
     """Turns blocks of bytes into samples.
 
-    corrupt: number of frames refused.  skipped: number of bytes passed over.
+    rest: bytes of a sample that has not come whole.  corrupt: number of frames refused.  skipped:
+    number of bytes passed over.
     """
 
-    corrupt: int
-    skipped: int
+    def __init__(self, channels: int = 0) -> None:
+        self.channels, self.rest = channels, b""
+        self.corrupt = self.skipped = 0
 
-    def feed(self, block: bytes) -> RawSamples: ...
+    @abstractmethod
+    def feed(self, block: bytes) -> RawSamples:
+        """Return the samples that a block completes."""
+
+    @abstractmethod
+    def count_ends(self, blocks: Sequence[bytes]) -> list[int]:
+        """Return how many samples end in each block if their bytes are those of samples alone."""
+
+    def feed_together(
+        self, blocks: Sequence[bytes], accepts: Callable[[RawSamples], bool]
+    ) -> tuple[RawSamples, list[int]] | None:
+        """Return the samples that blocks complete, and how many each of them.
+
+        Returns None, and takes nothing, of samples that are not accepted, and of other bytes than
+        those of samples: which of these are refused depends on the blocks.
+        """
+        before, counts = vars(self).copy(), self.count_ends(blocks)
+        samples = self.feed(b"".join(blocks))
+        is_clean = (self.corrupt, self.skipped) == (before["corrupt"], before["skipped"])
+        if is_clean and len(samples) == sum(counts) and accepts(samples):
+            return samples, counts
+        vars(self).update(before)
+        return None
 
 
 def pack(samples: RawSamples) -> bytes:
@@ -140,13 +167,12 @@ def are_sound(view: memoryview, dtype: np.dtype[np.void]) -> NDArray[np.bool_]:
     return sound
 
 
-class FixedFrames:
+class FixedFrames(Parser):
     """Format "frames": 64 bytes each, and 4 for each auxiliary channel, one after the other."""
 
     def __init__(self, channels: int = 0) -> None:
-        self.channels, self.dtype = channels, frame_dtype(channels)
-        self.rest = b""
-        self.corrupt = self.skipped = 0
+        super().__init__(channels)
+        self.dtype = frame_dtype(channels)
 
     def feed(self, block: bytes) -> RawSamples:
         raw, size = self.rest + block, self.dtype.itemsize
@@ -166,6 +192,13 @@ class FixedFrames:
             return no_samples(self.channels)
         return samples_from(np.frombuffer(b"".join(good), self.dtype))
 
+    def count_ends(self, blocks: Sequence[bytes]) -> list[int]:
+        places = accumulate(map(len, blocks), initial=len(self.rest))
+        return [
+            end // self.dtype.itemsize - start // self.dtype.itemsize
+            for start, end in pairwise(places)
+        ]
+
     def resume(self, raw: bytes, view: memoryview, place: int) -> int:
         """The place where a sound frame begins again, or may begin with bytes that are still to
         come."""
@@ -184,15 +217,14 @@ class FixedFrames:
         return following
 
 
-class CobsFrames:
+class CobsFrames(Parser):
     """Format "cobs": the bytes of "frames" made free of zeros, and a zero after each frame."""
 
     def __init__(self, channels: int = 0) -> None:
-        self.channels, self.dtype = channels, frame_dtype(channels)
+        super().__init__(channels)
+        self.dtype = frame_dtype(channels)
         #: One byte more than the frame, since it is shorter than 254.
         self.coded = self.dtype.itemsize + 1
-        self.rest = b""
-        self.corrupt = self.skipped = 0
 
     def feed(self, block: bytes) -> RawSamples:
         *parts, self.rest = (self.rest + block).split(b"\0")
@@ -207,6 +239,9 @@ class CobsFrames:
         fine = are_sound(memoryview(raw.tobytes()), self.dtype)
         self.refuse([part for part, good in zip(whole, fine, strict=True) if not good])
         return samples_from(np.ascontiguousarray(raw[fine]).view(self.dtype).ravel())
+
+    def count_ends(self, blocks: Sequence[bytes]) -> list[int]:
+        return [block.count(b"\0") for block in blocks]
 
     def refuse(self, parts: list[bytes]) -> None:
         self.corrupt += len(parts)
@@ -243,7 +278,7 @@ def cobs_encode(samples: RawSamples) -> bytes:
     return bytes(out)
 
 
-class TextLines:
+class TextLines(Parser):
     """Format "text": lines of seq,t_us,c0,...,c11, and of the auxiliary channels. There is no
     checksum: use it to try things."""
 
@@ -251,9 +286,8 @@ class TextLines:
     LONGEST = 800
 
     def __init__(self, kind: int, channels: int = 0) -> None:
-        self.kind, self.channels = kind, channels
-        self.rest = b""
-        self.corrupt = self.skipped = 0
+        super().__init__(channels)
+        self.kind = kind
 
     def feed(self, block: bytes) -> RawSamples:
         *lines, self.rest = (self.rest + block).split(b"\n")
@@ -274,6 +308,11 @@ class TextLines:
             table[:, 2:].astype(np.int32),
             channels,
         )
+
+    def count_ends(self, blocks: Sequence[bytes]) -> list[int]:
+        lines = (self.rest + b"".join(blocks)).split(b"\n")
+        is_short = max(map(len, lines)) <= self.LONGEST  # else it is cut where a block ends
+        return [block.count(b"\n") if is_short else -1 for block in blocks]
 
     def numbers(self, line: bytes) -> list[Any] | None:
         text = line.strip()
