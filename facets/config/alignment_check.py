@@ -35,7 +35,8 @@ def powers(sensor: Sensor) -> Floats:
     """The powers (3,) of the sub-beams at the nominal pose, mW."""
     if sensor.apertures == Apertures() and sensor.light == BenchLight():
         return np.full(3, sensor.beam.power)  # nothing cuts the light
-    seen: Floats = model_readings(sensor, np.zeros(8))[2::3]
+    # One row: a command's batches take the same code, single states another.
+    seen: Floats = model_readings(sensor, np.zeros((1, 8)))[0, 2::3]
     return seen
 
 

@@ -79,9 +79,13 @@ def widening_of(sensor: Sensor) -> float:
     return kept
 
 
+#: A state at rest, in a batch of one: all batches have the same code, single states another.
+REST = np.zeros((1, 8))
+
+
 def measure_widening(sensor: Sensor) -> float:
     assert sensor.calibration is not None
-    noise, known = standard_deviations(sensor, readings(sensor, np.zeros(8))), sensor.calibration
+    (noise,), known = standard_deviations(sensor, readings(sensor, REST)), sensor.calibration
     missed = {name: known.covariance[n][n] for n, name in enumerate(known.names)}
     over = [
         sum(missed.get(name, 0.0) for name in names) / s**2

@@ -323,7 +323,7 @@ def subsample(sensor: Sensor, data: Data, count: int) -> Data:
     """
     rows = np.linspace(0, len(data.raw) - 1, min(count, len(data.raw))).astype(np.int64)
     part = data.part(np.unique(rows))
-    noise = standard_deviations(sensor, readings(sensor, np.zeros(8)))
+    noise = standard_deviations(sensor, readings(sensor, np.zeros((1, 8))))
     return part._replace(noise=np.broadcast_to(noise, part.raw.shape))
 
 
