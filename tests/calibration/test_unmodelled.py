@@ -30,18 +30,22 @@ def chip(sensor, state, exact):
     return exact
 
 
+def add_light(exact, power, places):
+    """Add light of powers (n, 3) at places (n, 3, 2): powers, and places times powers, add up."""
+    rows = exact.reshape(-1, 3, 3)
+    moments = rows[..., 2:] * rows[..., :2] + power[..., None] * places
+    rows[..., 2] += power
+    rows[..., :2] = moments / rows[..., 2:]
+    return exact
+
+
 def reflex(sensor, state, exact):
-    """One per cent of the light comes from beside the beam: powers, and places times powers, add
-    up."""
+    """One per cent of the light comes from beside the beam."""
     aside = state.copy()
     aside[:, 6:] += SIGMA * np.array([1.5, -1.0])
-    other = facets.readings(sensor, aside)
-    main, stray = 0.99 * exact[:, 2::3], 0.01 * other[:, 2::3]
-    for m in (0, 1):
-        moment = main * exact[:, m::3] + stray * other[:, m::3]
-        exact[:, m::3] = moment / (main + stray)
-    exact[:, 2::3] = main + stray
-    return exact
+    other = facets.readings(sensor, aside).reshape(-1, 3, 3)
+    exact[:, 2::3] *= 0.99
+    return add_light(exact, 0.01 * other[..., 2], other[..., :2])
 
 
 def fringe(sensor, state, exact):
@@ -63,25 +67,15 @@ def oblique_window(sensor, state, exact):
 
 
 def leak(sensor, state, exact):
-    """0.5 % of the currents of detector A in the channels of B: powers, and places times powers,
-    add up."""
-    main, leaked = exact[:, 5].copy(), 5e-3 * exact[:, 2]
-    for m in (0, 1):
-        moment = main * exact[:, 3 + m] + leaked * exact[:, m]
-        exact[:, 3 + m] = moment / (main + leaked)
-    exact[:, 5] = main + leaked
-    return exact
+    """0.5 % of the currents of detector A in the channels of B."""
+    return add_light(exact, 5e-3 * np.outer(exact[:, 2], [0, 1, 0]), exact[:, None, :2])
 
 
 def set_zero_again(sensor, state, exact):
     """Other offsets of all electrodes, some 0.2 uW, after every 40 rows."""
-    offsets = 2e-4 * np.random.default_rng(6).standard_normal((COUNT // 40, 9))
-    extra, power = np.repeat(offsets, 40, axis=0), exact[:, 2::3].copy()
-    exact[:, 2::3] += extra[:, 2::3]
-    for m in (0, 1):
-        moment = power * exact[:, m::3] + 6.5 * extra[:, m::3]
-        exact[:, m::3] = moment / exact[:, 2::3]
-    return exact
+    offsets = 2e-4 * np.random.default_rng(6).standard_normal((COUNT // 40, 3, 3))
+    extra = np.repeat(offsets, 40, axis=0)
+    return add_light(exact, extra[..., 2], 6.5 * extra[..., :2] / extra[..., 2:])
 
 
 def tarnish(sensor, state, exact):
@@ -106,11 +100,7 @@ def tarnish(sensor, state, exact):
 
 def scatter(sensor, state, exact, share=1e-3):
     """0.1 % of the light of facet B falls on detector A, beside its middle."""
-    stray = share * exact[:, 5:6]
-    rest = exact[:, 2:3] + stray
-    exact[:, :2] = (exact[:, :2] * exact[:, 2:3] + stray * [1.0, -2.0]) / rest
-    exact[:, 2:3] = rest
-    return exact
+    return add_light(exact, share * np.outer(exact[:, 5], [1, 0, 0]), [1.0, -2.0])
 
 
 def give_way(sensor, state, exact):
@@ -264,11 +254,7 @@ def change_gain(sensor, state, exact):
 
 def shine(sensor, state, exact):
     """A lamp of 3 uW, at the middle of each detector."""
-    power = exact[:, 2::3] + 3e-3 * BEHIND[:, None]
-    for m in (0, 1):
-        exact[:, m::3] *= exact[:, 2::3] / power
-    exact[:, 2::3] = power
-    return exact
+    return add_light(exact, 3e-3 * np.outer(BEHIND, np.ones(3)), np.zeros(2))
 
 
 def displace_beam(count, rng):
