@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -16,6 +16,15 @@ from .console import show_table
 from .options import Force, Quick, folder_option, seed_option
 
 TABLE = "bench.csv"
+#: Headings of the printed columns.
+HEADINGS = {
+    "us": "µs a pose",
+    "spread": "+- %",
+    "to_c": "over C",
+    "to_numpy": "over NumPy",
+    "error_mm": "error, mm",
+    "error_rad": "error, rad",
+}
 
 
 def bench(
@@ -27,9 +36,10 @@ def bench(
     """Measure run times and errors, and compare with other methods.
 
     All methods run in turn on the paper's sensor: this package, the C that it exports (if gcc
-    is installed), a quadrature in NumPy, SciPy's solvers and the paper's way. Ratios are
-    relative to this package. Writes one table with the facts of the machine into the folder.
-    --quick takes under a minute.
+    is installed), a quadrature in NumPy, SciPy's fsolve and the paper's way. Tables and a
+    recording are solved, too. Ratios are relative to the exported C and to NumPy; rows that are
+    slower than stored, beyond their error bars, are named. Writes one table with the facts of the
+    machine into the folder. --quick takes under half a minute.
     """
     core.extras.require_extra("mpmath", "facets bench")
     files.tables.refuse_to_overwrite([folder / TABLE], force)
@@ -37,15 +47,19 @@ def bench(
     columns = {key: [row[key] for row in rows] for key in rows[0]}
     files.tables.write_table(folder / TABLE, columns, facts(seed))
     for task in dict.fromkeys(columns["task"]):
-        cells = [
-            [row["way"], *("" if math.isnan(x) else f"{x:.3g}" for x in list(row.values())[2:])]
-            for row in rows
-            if row["task"] == task
-        ]
-        show_table(task, ["way", "µs a pose", "ratio", "error, mm", "error, rad"], cells, left=[0])
+        cells = [cells_of(row) for row in rows if row["task"] == task]
+        show_table(task, ["way", *HEADINGS.values()], cells, left=[0])
     if not benchmarks.rivals.has_compiler():
         typer.echo("The exported C was left out: gcc is not installed.")
-    typer.echo(f"{folder / TABLE}: processor times; ratios are to the first row of each task")
+    for sentence in benchmarks.table.slower_rows(rows):
+        typer.echo(sentence)
+    typer.echo(f"{folder / TABLE}: processor times")
+
+
+def cells_of(row: dict[str, Any]) -> list[str]:
+    """The printed cells of a row of the table."""
+    numbers = (100 * row[name] if name == "spread" else row[name] for name in HEADINGS)
+    return [row["way"], *("" if math.isnan(number) else f"{number:.3g}" for number in numbers)]
 
 
 def facts(seed: int) -> dict[str, str]:
@@ -53,24 +67,14 @@ def facts(seed: int) -> dict[str, str]:
     import platform
     from importlib.metadata import version
 
+    from llvmlite.binding import get_host_cpu_name
+
     return {
         "facets": facets.__version__,
         "command": files.provenance.command_line(),
         "seed": str(seed),
-        "processor": processor(),
+        "processor": get_host_cpu_name(),
         "system": platform.platform(),
         "python": platform.python_version(),
         **{name: version(name) for name in ("numpy", "scipy", "llvmlite", "mpmath")},
     }
-
-
-def processor() -> str:
-    """The processor's name, if the system states it."""
-    import platform
-
-    listing = Path("/proc/cpuinfo")
-    if listing.is_file():
-        for line in listing.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()

@@ -13,6 +13,6 @@ else:
         {
             "clock": "Contender cpu_seconds",
             "rivals": "has_compiler",
-            "table": "pose_ways reading_ways",
+            "table": "pose_ways reading_ways slower_rows",
         },
     )

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,7 +11,7 @@ from typing import Any
 from ..core.units import Floats
 
 #: Seconds of a round above which a contender has no further round.
-LONG_ROUND_S = 1.0
+LONG_ROUND_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -27,30 +24,36 @@ class Contender:
     poses: int
 
 
-def cpu_seconds(contenders: Sequence[Contender], rows: Floats, rounds: int) -> list[float]:
-    """Return the processor seconds a pose of each contender, all threads together: the least over
-    the rounds, after a first row that compiles and imports."""
-    least = [float("inf")] * len(contenders)
+def cpu_seconds(
+    contenders: Sequence[Contender], rows: Floats, rounds: int
+) -> list[tuple[float, float]]:
+    """Return for each contender its processor seconds a pose, all threads and child processes
+    together, and their spread.
+
+    The seconds are the least of the rounds, after a first row that compiles and imports; the spread
+    is the share by which the middle round takes longer, NaN of a single round.
+    """
+    times: list[list[float]] = [[] for _ in contenders]
     for contender in contenders:
         contender.work(rows[:1])
-    for n in range(rounds):
-        for k, contender in enumerate(contenders):
-            if n and least[k] * contender.poses > LONG_ROUND_S:
-                continue
-            start = time.process_time()
-            contender.work(rows[: contender.poses])
-            least[k] = min(least[k], (time.process_time() - start) / contender.poses)
-    return least
+    for _ in range(rounds):
+        for contender, own in zip(contenders, times, strict=True):
+            if not own or min(own) <= LONG_ROUND_S:
+                start = processor_seconds()
+                contender.work(rows[: contender.poses])
+                own.append(processor_seconds() - start)
+    return [
+        (min(own) / contender.poses, spread_of(own))
+        for contender, own in zip(contenders, times, strict=True)
+    ]
 
 
-def first_cpu_seconds(expression: str) -> float:
-    """Return the processor seconds of a new process with empty caches, imports included."""
-    code = f"import facets; sensor = facets.Sensor(); {expression}"
-    with tempfile.TemporaryDirectory() as empty:
-        before = os.times()
-        subprocess.run(
-            [sys.executable, "-c", code], env={**os.environ, "FACETS_CACHE_DIR": empty},
-            stderr=subprocess.DEVNULL, check=True,
-        )  # fmt: skip
-        after = os.times()
-    return sum(after[2:4]) - sum(before[2:4])  # of child processes: in their code, in the system
+def processor_seconds() -> float:
+    """Seconds of this process and of its child processes that have ended."""
+    return time.process_time() + sum(os.times()[2:4])
+
+
+def spread_of(times: list[float]) -> float:
+    """The share by which the middle one of times exceeds the least; NaN of a single one."""
+    least, middle = min(times), sorted(times)[len(times) // 2]
+    return middle / least - 1 if len(times) > 1 else float("nan")

@@ -172,38 +172,30 @@ def integrate_rays(apex: Floats, angle: Floats, weights: Floats) -> tuple[Floats
     return mass, np.stack([x, y], axis=-1)
 
 
-def solve_by_scipy(solver: str, model: Function, readings: Floats) -> Floats:
-    """States (n, 8) of readings (n, 9), from zero: eight readings, without the third power,
-    determine eight unknowns of order one.
+def solve_by_scipy(model: Function, readings: Floats) -> Floats:
+    """States (n, 8) of readings (n, 9), from zero, by `fsolve`: eight readings, without the third
+    power, determine eight unknowns of order one.
 
-    solver: "fsolve" or "least_squares".  model: gives the readings (n, 9) of states (n, 8).
+    model: gives the readings (n, 9) of states (n, 8).
     """
-    from scipy import optimize
+    from scipy.optimize import fsolve
 
     def first_eight(unknowns: Floats) -> Floats:
         return model(unknowns * SCALE)[:, :8]
 
-    def slopes(x: Floats) -> Floats:
+    def slopes(x: Floats, _: Floats) -> Floats:
         """Differences from nine states at once, which costs a vectorised model little."""
         values = first_eight(np.vstack([x, x + STEP * np.eye(8)]))
         differences: Floats = (values[1:] - values[0]).T / STEP
         return differences
 
-    def solve(reading: Floats) -> Floats:
-        def residual(x: Floats) -> Floats:
-            differences: Floats = first_eight(x[None])[0] - reading[:8]
-            return differences
+    def residual(x: Floats, reading: Floats) -> Floats:
+        differences: Floats = first_eight(x[None])[0] - reading[:8]
+        return differences
 
-        if solver == "fsolve":
-            found = optimize.fsolve(residual, np.zeros(8), fprime=slopes)
-        else:
-            found = optimize.least_squares(
-                residual, np.zeros(8), slopes, xtol=1e-14, ftol=1e-14, gtol=1e-14
-            ).x
-        state: Floats = found * SCALE
-        return state
-
-    return np.array([solve(reading) for reading in readings])
+    unknowns = [fsolve(residual, np.zeros(8), (reading,), slopes) for reading in readings]
+    states: Floats = np.array(unknowns) * SCALE
+    return states
 
 
 def has_compiler() -> bool:

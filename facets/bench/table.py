@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,9 +14,10 @@ from ..config.loading import load
 from ..core.sensor import Apertures, Sensor
 from ..core.units import Floats
 from ..estimation.solver import Solver, solve
+from ..files.tables import read_chunks, read_words
 from ..model.arrays import jacobian, parameters, readings
 from ..optics import forward
-from .clock import Contender, cpu_seconds, first_cpu_seconds
+from .clock import Contender, cpu_seconds
 from .rivals import (
     SENSOR,
     has_compiler,
@@ -25,6 +28,7 @@ from .rivals import (
     solve_by_scipy,
     states_in_range,
 )
+from .runs import first_use_ways, run_ways
 
 Row = dict[str, Any]
 
@@ -34,19 +38,28 @@ LIGHTS = {
     "that of a bench": replace(SENSOR, light=load("bench-light").sensor.light),
     "cut by the detectors": replace(SENSOR, apertures=Apertures(detectors=True)),
 }
-#: What a new process computes with nothing compiled.
-FIRST_USES = {
-    "facets: the first reading": "facets.readings(sensor, [0.0] * 8)",
-    "facets: the first pose": "facets.solve(sensor, facets.readings(sensor, [0.0] * 8))",
-}
 #: Number of rows whose errors are measured: of readings, and of poses.
 CHECKED_READINGS, CHECKED_POSES = 50, 2000
+#: Number of rows of a table, and of samples of a recording.
+FILE_ROWS = 50_000
 GAUSS_LEGENDRE = "Gauss-Legendre of 12 nodes (NumPy)"
 EXPORTED_C = "the exported C (gcc -O3 -march=native)"
+#: The rivals to whose times all others are ratios: readings, and poses.
+RIVALS = {
+    "readings": {"to_c": EXPORTED_C, "to_numpy": GAUSS_LEGENDRE},
+    "poses": {"to_c": EXPORTED_C, "to_numpy": f"fsolve on {GAUSS_LEGENDRE}"},
+}
+#: Tasks whose rows are ratios to the rivals' readings; those of the others are ratios to poses.
+READING_TASKS = ("readings", "light: readings", "light: Jacobians")
+#: The table of a full run.
+STORED = Path(__file__).with_name("stored.csv")
+#: Share by which ratios differ between processors, and between lengths of batches.
+PROCESSOR_SPREAD = 0.25
 
 
 def measure(quick: bool, seed: int) -> list[Row]:
-    """Measure each way: us a pose, the ratio to the first way of its task, and the largest errors.
+    """Measure each way: us a pose, the spread of the rounds, the ratios to the rivals, and the
+    largest errors.
 
     error_mm: of places, or of a pose's lengths.  error_rad: of a pose's angles.
     """
@@ -58,13 +71,37 @@ def measure(quick: bool, seed: int) -> list[Row]:
         table.append(row | reading_errors(way, rows))
     for row, way in time_ways("poses", pose_ways(poses, few), rows, rounds):
         table.append(row | pose_errors(way, rows))
-    unknown = {"error_mm": np.nan, "error_rad": np.nan}
     for task, ways in light_tasks(rows[: poses // 4], seed).items():
-        table += [row | unknown for row, _ in time_ways(task, ways, rows, rounds)]
+        table += [row for row, _ in time_ways(task, ways, rows, rounds)]
+    with tempfile.TemporaryDirectory() as folder:
+        ways = run_ways(Path(folder), np.resize(rows, (FILE_ROWS, rows.shape[1])))
+        table += [row for row, _ in time_ways("files", ways, rows, 3)]
     if not quick:
-        seconds = [first_cpu_seconds(expression) for expression in FIRST_USES.values()]
-        table += [row | unknown for row in make_rows("nothing compiled", list(FIRST_USES), seconds)]
-    return table
+        table += [row for row, _ in time_ways("nothing compiled", first_use_ways(), rows, 2)]
+    return [row | ratios_to_rivals(row, table) for row in table]
+
+
+def ratios_to_rivals(row: Row, table: list[Row]) -> Row:
+    """The row's time over those of the rivals; NaN without the exported C."""
+    times = {(each["task"], each["way"]): each["us"] for each in table}
+    task = "readings" if row["task"] in READING_TASKS else "poses"
+    return {key: row["us"] / times.get((task, way), np.nan) for key, way in RIVALS[task].items()}
+
+
+def slower_rows(table: list[Row]) -> Iterator[str]:
+    """Say which rows are slower, beside the rivals, than stored, by more than their error bars."""
+    rival = "to_c" if has_compiler() else "to_numpy"
+    (stored,) = read_chunks(STORED, [rival, "spread"])
+    ways = zip(*(read_words(STORED, name) or [] for name in ("task", "way")), strict=True)
+    known = dict(zip(ways, zip(*stored.columns.values(), strict=True), strict=True))
+    for row in table:
+        ratio, spread = known.get((row["task"], row["way"]), (np.nan, np.nan))
+        times, bars = row[rival] / ratio, row["spread"] + spread + PROCESSOR_SPREAD
+        if times > 1 + bars:
+            yield (
+                f"{row['task']}, {row['way']}: takes {times:.2g} times as long as stored, beside "
+                f"the same rival (error bars {100 * bars:.0f} %)"
+            )
 
 
 def reading_errors(way: Contender, rows: Floats) -> Row:
@@ -84,16 +121,10 @@ def pose_errors(way: Contender, rows: Floats) -> Row:
 def time_ways(
     task: str, ways: list[Contender], rows: Floats, rounds: int
 ) -> Iterator[tuple[Row, Contender]]:
-    """Yield the row of each way of a task, without errors."""
-    seconds = cpu_seconds(ways, rows, rounds)
-    yield from zip(make_rows(task, [way.name for way in ways], seconds), ways, strict=True)
-
-
-def make_rows(task: str, names: list[str], seconds: list[float]) -> list[Row]:
-    return [
-        {"task": task, "way": name, "us": 1e6 * taken, "ratio": taken / seconds[0]}
-        for name, taken in zip(names, seconds, strict=True)
-    ]
+    """Yield the row of each way of a task, without errors and ratios."""
+    for way, (seconds, spread) in zip(ways, cpu_seconds(ways, rows, rounds), strict=True):
+        row = {"task": task, "way": way.name, "us": 1e6 * seconds, "spread": spread}
+        yield row | dict.fromkeys(("to_c", "to_numpy", "error_mm", "error_rad"), np.nan), way
 
 
 def exact_readings(states: Floats) -> Any:
@@ -133,8 +164,8 @@ def pose_ways(poses: int, few: int) -> list[Contender]:
     def invert_as_paper(rows: Floats) -> Floats:
         return solve(SENSOR, rows[:, :9], method="paper").state
 
-    def scipy(solver: str, model: Callable[[Floats], Floats]) -> Callable[[Floats], Floats]:
-        return lambda rows: solve_by_scipy(solver, model, rows[:, :9])
+    def fsolve(model: Callable[[Floats], Floats]) -> Callable[[Floats], Floats]:
+        return lambda rows: solve_by_scipy(model, rows[:, :9])
 
     prepared = Solver(SENSOR)
     by_c = Contender(EXPORTED_C, lambda rows: poses_by_c(rows[:, :9]), poses)
@@ -147,11 +178,8 @@ def pose_ways(poses: int, few: int) -> list[Contender]:
             "facets.Solver: one call each", one_by_one(lambda r: prepared.solve(r[:9]).state), few
         ),
         *([by_c] if has_compiler() else []),
-        Contender(f"fsolve on {GAUSS_LEGENDRE}", scipy("fsolve", readings_by_legendre), 10),
-        Contender(
-            f"least_squares on {GAUSS_LEGENDRE}", scipy("least_squares", readings_by_legendre), 5
-        ),
-        Contender("fsolve on dblquad (as the paper)", scipy("fsolve", readings_by_dblquad), 1),
+        Contender(f"fsolve on {GAUSS_LEGENDRE}", fsolve(readings_by_legendre), 10),
+        Contender("fsolve on dblquad (as the paper)", fsolve(readings_by_dblquad), 1),
     ]
 
 

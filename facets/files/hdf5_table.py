@@ -263,8 +263,9 @@ def compress(numbers: Any) -> bytes:
     """Compress a chunk into what the library's filters, shuffle and gzip, decompress, in a quarter
     of their time: bytes of equal significance are a row, and a row of noise, such as the last bytes
     of floats, is stored."""
-    rows = np.ascontiguousarray(numbers).view(np.uint8).reshape(-1, numbers.itemsize).T
-    rows, parts = np.ascontiguousarray(rows), [b"\x78\x01"]
+    significant = np.ascontiguousarray(numbers).view(np.uint8).reshape(-1, numbers.itemsize)
+    rows: Any = np.ascontiguousarray(significant.T)
+    parts = [b"\x78\x01"]
     for row in rows:
         is_noise = len(zlib.compress(row[:SAMPLE_BYTES], 1)) >= SAMPLE_BYTES
         stream = zlib.compressobj(0 if is_noise else 1, wbits=-15, strategy=zlib.Z_RLE)

@@ -1,13 +1,14 @@
 """`facets bench`: that its contenders compute the same, and that its table says so."""
 
 import time
+from importlib.resources import files
 
 import numpy as np
 import pandas as pd
 import pytest
 from commands import command
 
-from facets.bench import Contender, cpu_seconds, has_compiler, pose_ways, reading_ways
+from facets.bench import Contender, cpu_seconds, has_compiler, pose_ways, reading_ways, slower_rows
 
 EXPORTED_C = "the exported C (gcc -O3 -march=native)"
 
@@ -22,6 +23,9 @@ def test_errors_are_those_of_rounding(tmp_path):
     assert all(f"# {name}: " in text for name in ("processor", "numpy", "seed", "command"))
     table = pd.read_csv(tmp_path / "out/bench.csv", comment="#").set_index(["task", "way"])
     assert (table.us > 0).all()
+    assert len(table.loc["files"]) == 4
+    assert ((table.to_c == 1).sum() == 2) == has_compiler()
+    assert (table["to_numpy"] == 1).sum() == 2
     readings = table.loc["readings"].error_mm
     assert (readings[readings.index.str.startswith("facets")] < 5.5e-13).all()
     assert readings["Gauss-Legendre of 12 nodes (NumPy)"] < 1e-6
@@ -47,11 +51,22 @@ def test_slow_contenders_run_once_and_fast_ones_every_round_by_processor_time(mo
 
     def contender(name, seconds):
         def work(rows):
+            clock[0] += seconds[calls[name] % len(seconds)]
             calls[name] += 1
-            clock[0] += seconds
 
         return Contender(name, work, 1)
 
-    timings = cpu_seconds([contender("slow", 2.1), contender("fast", 0.5)], np.zeros((1, 17)), 3)
+    contenders = [contender("slow", [2.1]), contender("fast", [1.5, 0.5, 0.7, 0.6])]
+    (slow, _), (fast, spread) = cpu_seconds(contenders, np.zeros((1, 17)), 3)
     assert calls == {"slow": 1 + 1, "fast": 1 + 3}  # the first one compiles
-    assert timings == pytest.approx([2.1, 0.5])
+    assert (slow, fast, spread) == pytest.approx((2.1, 0.5, 0.2))
+
+
+def test_rows_that_are_slower_than_stored_by_more_than_their_error_bars_are_named(monkeypatch):
+    monkeypatch.setattr("facets.bench.table.has_compiler", lambda: True)
+    with (files("facets.bench") / "stored.csv").open() as file:
+        stored = pd.read_csv(file, comment="#")
+    assert list(slower_rows(stored.to_dict("records"))) == []
+    stored.loc[3, "to_c"] *= 1.26 + 2 * stored.spread[3]
+    (sentence,) = slower_rows(stored.to_dict("records"))
+    assert sentence.startswith(f"{stored.task[3]}, {stored.way[3]}: takes 1.")
