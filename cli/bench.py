@@ -9,8 +9,7 @@ from typing import Annotated, Any
 import typer
 
 import facets
-from facets import bench as benchmarks
-from facets import core, files
+from facets import bench as benchmarks, core, files
 
 from .console import show_table
 from .options import Force, Quick, folder_option, seed_option

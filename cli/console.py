@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import typer
 
 import facets
-from facets import config as configuration
-from facets import pictures
+from facets import config as configuration, pictures
 from facets.files.whole import STANDARD_STREAM, remove_older, write_text
 
 from . import signals

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import facets
-from facets import config as configuration
-from facets import files, live, noise_analysis, pictures
+from facets import config as configuration, files, live, noise_analysis, pictures
 from facets.core.names import POSE, STATE_COLUMNS
 
 from .console import FINDING, draw_beside, show_progress, show_table, wrap

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from facets import config as configuration
-from facets import core, files
+from facets import config as configuration, core, files
 
 from .console import FINDING, draw_beside, load_config
 from .options import (

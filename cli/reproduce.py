@@ -38,8 +38,7 @@ def reproduce(
     differs from its stored reference.
     """
     from facets.experiments.report import write_report
-    from facets.experiments.reproduce import reproduce as run
-    from facets.experiments.reproduce import select_experiments
+    from facets.experiments.reproduce import reproduce as run, select_experiments
 
     wanted = select_experiments(names or [])
     if "uniqueness" in wanted:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from facets import calibration, files, live
-from facets import config as configuration
+from facets import calibration, config as configuration, files, live
 from facets.core.errors import InputError
 
 from .console import load_config

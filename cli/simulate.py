@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from facets import config as configuration
-from facets import estimation, pictures, simulation
+from facets import config as configuration, estimation, pictures, simulation
 
 from .console import FINDING, draw_beside, load_config, report_lines
 from .options import (

@@ -53,71 +53,77 @@ __all__ = sorted(" ".join(_NAMES_OF.values()).split())
 
 if TYPE_CHECKING:
     from .axis_tests.report import measure_axis as measure_axis
-    from .characterization.outlines import Boundary as Boundary
-    from .characterization.outlines import trace as trace
-    from .characterization.ranges import CAUSES as CAUSES
-    from .characterization.ranges import AxisRange as AxisRange
-    from .characterization.ranges import axis_ranges as axis_ranges
-    from .characterization.resolution import Estimator as Estimator
-    from .characterization.resolution import budgets as budgets
-    from .characterization.resolution import uncertainties as uncertainties
+    from .characterization.outlines import Boundary as Boundary, trace as trace
+    from .characterization.ranges import (
+        CAUSES as CAUSES,
+        AxisRange as AxisRange,
+        axis_ranges as axis_ranges,
+    )
+    from .characterization.resolution import (
+        Estimator as Estimator,
+        budgets as budgets,
+        uncertainties as uncertainties,
+    )
     from .config.loading import load as load
-    from .core.errors import ConfigError as ConfigError
-    from .core.errors import FacetsError as FacetsError
-    from .core.errors import InputError as InputError
-    from .core.errors import OutputError as OutputError
-    from .core.knowledge import Knowledge as Knowledge
-    from .core.knowledge import Prior as Prior
-    from .core.names import POSE as POSE
-    from .core.names import READING as READING
-    from .core.names import STATE as STATE
+    from .core.errors import (
+        ConfigError as ConfigError,
+        FacetsError as FacetsError,
+        InputError as InputError,
+        OutputError as OutputError,
+    )
+    from .core.knowledge import Knowledge as Knowledge, Prior as Prior
+    from .core.names import POSE as POSE, READING as READING, STATE as STATE
     from .core.rigid_body import MeasuredObject as MeasuredObject
     from .core.rules import Rules as Rules
-    from .core.sensor import Apertures as Apertures
-    from .core.sensor import Beam as Beam
-    from .core.sensor import BenchLight as BenchLight
-    from .core.sensor import Calibration as Calibration
-    from .core.sensor import Correction as Correction
-    from .core.sensor import Electronics as Electronics
-    from .core.sensor import Facet as Facet
-    from .core.sensor import Grid as Grid
-    from .core.sensor import Noise as Noise
-    from .core.sensor import Psd as Psd
-    from .core.sensor import Sensor as Sensor
+    from .core.sensor import (
+        Apertures as Apertures,
+        Beam as Beam,
+        BenchLight as BenchLight,
+        Calibration as Calibration,
+        Correction as Correction,
+        Electronics as Electronics,
+        Facet as Facet,
+        Grid as Grid,
+        Noise as Noise,
+        Psd as Psd,
+        Sensor as Sensor,
+    )
     from .core.settings import Config as Config
-    from .design.optimisation.search import Optimum as Optimum
-    from .design.optimisation.search import optimize as optimize
-    from .detectors.noise import add_noise as add_noise
-    from .detectors.noise import standard_deviations as standard_deviations
-    from .estimation.differences import difference_uncertainty as difference_uncertainty
-    from .estimation.differences import mean_uncertainty as mean_uncertainty
+    from .design.optimisation.search import Optimum as Optimum, optimize as optimize
+    from .detectors.noise import add_noise as add_noise, standard_deviations as standard_deviations
+    from .estimation.differences import (
+        difference_uncertainty as difference_uncertainty,
+        mean_uncertainty as mean_uncertainty,
+    )
     from .estimation.measurement import Measurement as Measurement
-    from .estimation.object_pose import ObjectPose as ObjectPose
-    from .estimation.object_pose import transform as transform
-    from .estimation.solution import Poses as Poses
-    from .estimation.solution import Samples as Samples
-    from .estimation.solution import Solution as Solution
-    from .estimation.solution import Status as Status
-    from .estimation.solver import Solver as Solver
-    from .estimation.solver import solve as solve
+    from .estimation.object_pose import ObjectPose as ObjectPose, transform as transform
+    from .estimation.solution import (
+        Poses as Poses,
+        Samples as Samples,
+        Solution as Solution,
+        Status as Status,
+    )
+    from .estimation.solver import Solver as Solver, solve as solve
     from .estimation.uncertainty import unseen_errors as unseen_errors
-    from .estimation.zero import PoseColumns as PoseColumns
-    from .estimation.zero import ZeroPose as ZeroPose
-    from .estimation.zero import ZeroRequest as ZeroRequest
-    from .estimation.zero import zero_pose as zero_pose
-    from .files.frame_table import to_sep005 as to_sep005
-    from .files.frame_table import to_xarray as to_xarray
+    from .estimation.zero import (
+        PoseColumns as PoseColumns,
+        ZeroPose as ZeroPose,
+        ZeroRequest as ZeroRequest,
+        zero_pose as zero_pose,
+    )
+    from .files.frame_table import to_sep005 as to_sep005, to_xarray as to_xarray
     from .live.recording.data_frame import read_table as read_table
-    from .model.arrays import footprints as footprints
-    from .model.arrays import jacobian as jacobian
-    from .model.arrays import margins as margins
-    from .model.arrays import parameter_jacobian as parameter_jacobian
-    from .model.arrays import reaches as reaches
-    from .model.arrays import readings as readings
+    from .model.arrays import (
+        footprints as footprints,
+        jacobian as jacobian,
+        margins as margins,
+        parameter_jacobian as parameter_jacobian,
+        reaches as reaches,
+        readings as readings,
+    )
     from .optics.forward import PARAMETERS as PARAMETERS
     from .responses.signals import measure_response as measure_response
-    from .simulation.run import Segment as Segment
-    from .simulation.run import simulate as simulate
+    from .simulation.run import Segment as Segment, simulate as simulate
 else:
     __getattr__ = load_on_use(__name__, _NAMES_OF)
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import typer
 
-from facets import config as configuration
-from facets import core, design
+from facets import config as configuration, core, design
 from facets.core.errors import FacetsError
 from facets.core.names import STATE_COLUMNS
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import facets
-from facets import calibration, characterization, files, pictures
-from facets import config as configuration
+from facets import calibration, characterization, config as configuration, files, pictures
 from facets.core.errors import FacetsError
 from facets.core.names import DETECTORS, STATE_COLUMNS
 

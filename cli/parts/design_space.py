@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from facets import characterization, core, design, files, pictures
-from facets import config as configuration
+from facets import characterization, config as configuration, core, design, files, pictures
 
 from ..console import FINDING, draw_beside, leave_out_picture, show_progress, show_table
 from ..options import require_yaml

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import facets
-from facets import config as configuration
-from facets import files, live
+from facets import config as configuration, files, live
 from facets.core.errors import InputError
 
 from .calibration_files import calibration_keys, write_covariance

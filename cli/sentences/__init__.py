@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from facets.core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import bounds as bounds
-    from . import certificate as certificate
+    from . import bounds as bounds, certificate as certificate
 else:
     __getattr__ = load_on_use(__name__)

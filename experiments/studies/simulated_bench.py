@@ -17,8 +17,7 @@ import numpy as np
 
 import facets
 from facets.calibration.fitting.bundle_adjustment import Data, states_of
-from facets.calibration.table import REFERENCE as REFERENCE_COLUMNS
-from facets.calibration.table import gather_samples
+from facets.calibration.table import REFERENCE as REFERENCE_COLUMNS, gather_samples
 from facets.core.calibrate import Calibrate
 from facets.core.names import READING_COLUMNS, STATE_UNITS
 from facets.core.units import Booleans, Floats

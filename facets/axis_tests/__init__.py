@@ -3,9 +3,7 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import error_motions as error_motions
-    from . import report as report
-    from . import visits as visits
+    from . import error_motions as error_motions, report as report, visits as visits
 else:
     __getattr__ = load_on_use(
         __name__,

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import rivals as rivals
-    from . import table as table
+    from . import rivals as rivals, table as table
 else:
     __getattr__ = load_on_use(
         __name__,

@@ -3,14 +3,16 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import alternatives as alternatives
-    from . import fitting as fitting
-    from . import motions as motions
-    from . import reference_join as reference_join
-    from . import rezero as rezero
-    from . import table as table
-    from . import uncertainty as uncertainty
-    from . import verdict as verdict
+    from . import (
+        alternatives as alternatives,
+        fitting as fitting,
+        motions as motions,
+        reference_join as reference_join,
+        rezero as rezero,
+        table as table,
+        uncertainty as uncertainty,
+        verdict as verdict,
+    )
 else:
     __getattr__ = load_on_use(
         __name__,

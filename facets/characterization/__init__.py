@@ -3,18 +3,20 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import ambiguity as ambiguity
-    from . import outlines as outlines
-    from . import pose_density as pose_density
-    from . import propagation as propagation
-    from . import random_poses as random_poses
-    from . import ranges as ranges
-    from . import resolution as resolution
-    from . import sensitivity as sensitivity
-    from . import singularity as singularity
-    from . import state_box as state_box
-    from . import tables as tables
-    from . import trials as trials
+    from . import (
+        ambiguity as ambiguity,
+        outlines as outlines,
+        pose_density as pose_density,
+        propagation as propagation,
+        random_poses as random_poses,
+        ranges as ranges,
+        resolution as resolution,
+        sensitivity as sensitivity,
+        singularity as singularity,
+        state_box as state_box,
+        tables as tables,
+        trials as trials,
+    )
 else:
     __getattr__ = load_on_use(
         __name__,

@@ -23,8 +23,7 @@ from ..core.rigid_body import MeasuredObject, displacement_slopes
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..detectors.noise import sources as noise_sources
-from ..detectors.noise import variances
+from ..detectors.noise import sources as noise_sources, variances
 from ..estimation.uncertainty import (
     coverage_factor,
     effective_degrees_of_freedom,

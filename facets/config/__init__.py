@@ -20,27 +20,27 @@ __all__ = sorted(" ".join(_NAMES_OF.values()).split())
 
 if TYPE_CHECKING:
     from ..core.axis_keys import State as State
-    from ..core.motions import Motion as Motion
-    from ..core.motions import Random as Random
-    from ..core.motions import Runs as Runs
-    from ..core.motions import Sine as Sine
-    from ..core.motions import Steps as Steps
-    from ..core.motions import Sweep as Sweep
-    from ..core.motions import Table as Table
-    from ..core.motions import Vibration as Vibration
-    from ..core.settings import Config as Config
-    from ..core.settings import Solve as Solve
-    from . import build as build
-    from . import covariance as covariance
-    from . import files as files
-    from . import grid as grid
-    from . import sensor_keys as sensor_keys
+    from ..core.motions import (
+        Motion as Motion,
+        Random as Random,
+        Runs as Runs,
+        Sine as Sine,
+        Steps as Steps,
+        Sweep as Sweep,
+        Table as Table,
+        Vibration as Vibration,
+    )
+    from ..core.settings import Config as Config, Solve as Solve
+    from . import (
+        build as build,
+        covariance as covariance,
+        files as files,
+        grid as grid,
+        sensor_keys as sensor_keys,
+    )
     from .json_schema import schema as schema
-    from .loading import fingerprint as fingerprint
-    from .loading import load as load
-    from .loading import source_files as source_files
-    from .shipped_files import purpose as purpose
-    from .shipped_files import shipped as shipped
+    from .loading import fingerprint as fingerprint, load as load, source_files as source_files
+    from .shipped_files import purpose as purpose, shipped as shipped
     from .show import to_yaml as to_yaml
 else:
     __getattr__ = load_on_use(__name__, _NAMES_OF)

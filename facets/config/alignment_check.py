@@ -12,8 +12,7 @@ import numpy as np
 from ..core.names import DETECTORS
 from ..core.sensor import Apertures, BenchLight, Sensor
 from ..core.units import Floats
-from ..model.arrays import geometry_of, half_sizes
-from ..model.arrays import readings as model_readings
+from ..model.arrays import geometry_of, half_sizes, readings as model_readings
 from ..optics.forward import readings
 
 

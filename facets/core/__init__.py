@@ -3,33 +3,35 @@ from typing import TYPE_CHECKING
 from .faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import calibrate as calibrate
-    from . import sensor as sensor
-    from . import units as units
-    from . import version as version
+    from . import calibrate as calibrate, sensor as sensor, units as units, version as version
     from .arguments import check_arguments as check_arguments
     from .errors import InputError as InputError
     from .extras import require_extra as require_extra
     from .knowledge import Knowledge as Knowledge
-    from .names import ANGLES as ANGLES
-    from .names import POSE as POSE
-    from .names import STATE_COLUMNS as STATE_COLUMNS
-    from .names import STATE_UNITS as STATE_UNITS
+    from .names import (
+        ANGLES as ANGLES,
+        POSE as POSE,
+        STATE_COLUMNS as STATE_COLUMNS,
+        STATE_UNITS as STATE_UNITS,
+    )
     from .plain_numbers import short_number as short_number
-    from .rigid_body import MIRROR as MIRROR
-    from .rigid_body import MeasuredObject as MeasuredObject
-    from .rigid_body import object_displacements as object_displacements
-    from .rigid_body import rotation_matrix as rotation_matrix
-    from .sensor import Calibration as Calibration
-    from .sensor import Sensor as Sensor
+    from .rigid_body import (
+        MIRROR as MIRROR,
+        MeasuredObject as MeasuredObject,
+        object_displacements as object_displacements,
+        rotation_matrix as rotation_matrix,
+    )
+    from .sensor import Calibration as Calibration, Sensor as Sensor
     from .settings import Config as Config
-    from .units import KEY_UNITS as KEY_UNITS
-    from .units import Booleans as Booleans
-    from .units import Complexes as Complexes
-    from .units import Floats as Floats
-    from .units import Integers as Integers
-    from .units import unit_of as unit_of
-    from .units import write_micro as write_micro
+    from .units import (
+        KEY_UNITS as KEY_UNITS,
+        Booleans as Booleans,
+        Complexes as Complexes,
+        Floats as Floats,
+        Integers as Integers,
+        unit_of as unit_of,
+        write_micro as write_micro,
+    )
 else:
     __getattr__ = load_on_use(
         __name__,

@@ -3,11 +3,13 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import exploration as exploration
-    from . import optimisation as optimisation
-    from . import results as results
-    from . import tolerances as tolerances
-    from . import variables as variables
+    from . import (
+        exploration as exploration,
+        optimisation as optimisation,
+        results as results,
+        tolerances as tolerances,
+        variables as variables,
+    )
 else:
     __getattr__ = load_on_use(
         __name__,

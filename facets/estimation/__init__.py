@@ -3,32 +3,35 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import solution as solution
-    from . import table as table
-    from . import uncertainty as uncertainty
-    from . import zero as zero
-    from .differences import lasting_covariance as lasting_covariance
-    from .differences import propagate_in_light as propagate_in_light
-    from .dwells import finite_means as finite_means
-    from .dwells import mean as mean
-    from .dwells import per_row as per_row
-    from .dwells import stands_of_axis as stands_of_axis
+    from . import solution as solution, table as table, uncertainty as uncertainty, zero as zero
+    from .differences import (
+        lasting_covariance as lasting_covariance,
+        propagate_in_light as propagate_in_light,
+    )
+    from .dwells import (
+        finite_means as finite_means,
+        mean as mean,
+        per_row as per_row,
+        stands_of_axis as stands_of_axis,
+    )
     from .measurement import Measurement as Measurement
-    from .plan import Plan as Plan
-    from .plan import make_plan as make_plan
-    from .solution import Poses as Poses
-    from .solution import Samples as Samples
-    from .solution import common_detectors as common_detectors
-    from .solution import detectors_of as detectors_of
-    from .solution import root_of_covariance as root_of_covariance
+    from .plan import Plan as Plan, make_plan as make_plan
+    from .solution import (
+        Poses as Poses,
+        Samples as Samples,
+        common_detectors as common_detectors,
+        detectors_of as detectors_of,
+        root_of_covariance as root_of_covariance,
+    )
     from .table import solve_table as solve_table
     from .tally import Tally as Tally
-    from .uncertainty import Propagation as Propagation
-    from .uncertainty import carry as carry
-    from .uncertainty import coverage_factor as coverage_factor
-    from .uncertainty import propagate as propagate
-    from .zero import PoseColumns as PoseColumns
-    from .zero import ZeroRequest as ZeroRequest
+    from .uncertainty import (
+        Propagation as Propagation,
+        carry as carry,
+        coverage_factor as coverage_factor,
+        propagate as propagate,
+    )
+    from .zero import PoseColumns as PoseColumns, ZeroRequest as ZeroRequest
 else:
     __getattr__ = load_on_use(
         __name__,

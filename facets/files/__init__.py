@@ -3,19 +3,11 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import crate as crate
-    from . import provenance as provenance
-    from . import tables as tables
-    from . import whole as whole
-    from .columns import TIMES as TIMES
-    from .columns import row_times as row_times
-    from .columns import unit_of_column as unit_of_column
+    from . import crate as crate, provenance as provenance, tables as tables, whole as whole
+    from .columns import TIMES as TIMES, row_times as row_times, unit_of_column as unit_of_column
     from .crate import write_crate as write_crate
-    from .frame_table import FrameTable as FrameTable
-    from .frame_table import make_frame as make_frame
-    from .tables import Source as Source
-    from .tables import read_chunks as read_chunks
-    from .tables import read_words as read_words
+    from .frame_table import FrameTable as FrameTable, make_frame as make_frame
+    from .tables import Source as Source, read_chunks as read_chunks, read_words as read_words
     from .whole import Whole as Whole
 else:
     __getattr__ = load_on_use(

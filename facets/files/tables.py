@@ -29,17 +29,24 @@ from ..core.names import READING_COLUMNS, escape_undecodable
 from ..core.plain_numbers import plain_number
 from ..core.units import Floats, describe_bounds, find_implausible
 from . import frame_table, hdf5_table, parquet_table, tdms_table
-from .columns import CONFIGURATION, TIME_HINT, Columns, columns_to_read
-from .columns import Chunk as Chunk
-from .columns import MissingColumnsError as MissingColumnsError
-from .columns import unit_of_column as unit_of_column
+from .columns import (
+    CONFIGURATION,
+    TIME_HINT,
+    Chunk as Chunk,
+    Columns,
+    MissingColumnsError as MissingColumnsError,
+    columns_to_read,
+    unit_of_column as unit_of_column,
+)
 from .frame_table import FrameTable, make_frame
 from .hdf5_table import Hdf5Writer
 from .parquet_table import ParquetWriter
-from .whole import STANDARD_STREAM
-from .whole import ResultSet as ResultSet
-from .whole import Whole as Whole
-from .whole import refuse_to_overwrite as refuse_to_overwrite
+from .whole import (
+    STANDARD_STREAM,
+    ResultSet as ResultSet,
+    Whole as Whole,
+    refuse_to_overwrite as refuse_to_overwrite,
+)
 
 if TYPE_CHECKING:
     from pandas import DataFrame

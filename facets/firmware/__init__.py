@@ -3,9 +3,7 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import export as export
-    from . import library as library
-    from . import source as source
+    from . import export as export, library as library, source as source
 else:
     __getattr__ = load_on_use(
         __name__,

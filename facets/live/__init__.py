@@ -55,21 +55,23 @@ _NAMES_OF = {
 __all__ = sorted(" ".join(_NAMES_OF.values()).split())
 
 if TYPE_CHECKING:
-    from . import recording as recording
-    from . import run as run
-    from . import streams as streams
-    from . import virtual as virtual
-    from . import web as web
-    from .assembly import Run as Run
-    from .assembly import RunOptions as RunOptions
-    from .playback import Playback as Playback
-    from .playback import refuse_output as refuse_output
+    from . import (
+        recording as recording,
+        run as run,
+        streams as streams,
+        virtual as virtual,
+        web as web,
+    )
+    from .assembly import Run as Run, RunOptions as RunOptions
+    from .playback import Playback as Playback, refuse_output as refuse_output
     from .run.live import Live as Live
     from .run.poses import poses as poses
-    from .run.view import Screen as Screen
-    from .run.view import json_line as json_line
-    from .run.view import plain_line as plain_line
-    from .run.view import summary as summary
+    from .run.view import (
+        Screen as Screen,
+        json_line as json_line,
+        plain_line as plain_line,
+        summary as summary,
+    )
     from .streams.ophyd_device import PoseSensor as PoseSensor
     from .streams.publication import require_packages as require_packages
     from .streams.subscription import Subscription as Subscription

@@ -3,8 +3,7 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import arrays as arrays
-    from . import threads as threads
+    from . import arrays as arrays, threads as threads
 else:
     __getattr__ = load_on_use(
         __name__,

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.arguments import as_floats, check_arguments
 from ..core.errors import InputError
-from ..core.sensor import EFFECTS as EFFECTS
-from ..core.sensor import LIGHT_EFFECTS, Sensor
+from ..core.sensor import EFFECTS as EFFECTS, LIGHT_EFFECTS, Sensor
 from ..core.units import Floats
 from ..optics.effects import UNBOUNDED, LightEffects, LightOptions
 from ..optics.forward import BEAM, FACET, PSD, Geometry, Openings, build_geometry

@@ -12,8 +12,7 @@ from typing import Any
 from llvmlite import ir
 
 from ..optics import bench_gradient, gradient
-from ..optics.exact_text import BENCH, IDEAL, ExactText
-from ..optics.exact_text import CUT as CUT_TEXT
+from ..optics.exact_text import BENCH, CUT as CUT_TEXT, IDEAL, ExactText
 from ..optics.footprint import footprints
 from ..optics.forward import Geometry
 from ..scalars.dual import Dual

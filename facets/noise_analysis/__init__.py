@@ -3,8 +3,7 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import noise_report as noise_report
-    from . import rest as rest
+    from . import noise_report as noise_report, rest as rest
 else:
     __getattr__ = load_on_use(
         __name__,

@@ -25,8 +25,8 @@ from .forward import (
     mirror_facets,
     path,
     replace_light,
+    scene_readings as ideal_readings,
 )
-from .forward import scene_readings as ideal_readings
 from .gradient import Gradient, edge_turns, gradients, state_row
 from .profile import apply_profile, moment_slopes
 from .vectors import Matrix, Plane, Vector, add, combine, cross2, dot, dot2, rotation_axes, subtract

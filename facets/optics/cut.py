@@ -27,8 +27,8 @@ from .forward import (
     illuminate,
     mirror_facets,
     replace_light,
+    scene_readings as bare_readings,
 )
-from .forward import scene_readings as bare_readings
 from .rays import gradient_of_shift, slant
 from .region import FAR, NO_SPANS, SideLine, region, slopes_of_region
 from .vectors import Plane, Vector, cross, dot, subtract

@@ -19,9 +19,7 @@ before the light itself does and nothing large cancels.
 
 from __future__ import annotations
 
-from math import cos as cosine_of
-from math import nan, pi
-from math import sqrt as root_of
+from math import cos as cosine_of, nan, pi, sqrt as root_of
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import (

@@ -16,8 +16,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.hues import chosen_hues, chosen_style
-from ..core.units import Floats
-from ..core.units import unit_of as unit_of
+from ..core.units import Floats, unit_of as unit_of
 from ..files.tables import Whole
 
 if TYPE_CHECKING:

@@ -3,9 +3,7 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import certificate as certificate
-    from . import tolerances as tolerances
-    from . import uniqueness as uniqueness
+    from . import certificate as certificate, tolerances as tolerances, uniqueness as uniqueness
 else:
     __getattr__ = load_on_use(
         __name__,

@@ -3,11 +3,13 @@ from typing import TYPE_CHECKING
 from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import findings as findings
-    from . import forms as forms
-    from . import frequency_response as frequency_response
-    from . import signals as signals
-    from . import universal_file as universal_file
+    from . import (
+        findings as findings,
+        forms as forms,
+        frequency_response as frequency_response,
+        signals as signals,
+        universal_file as universal_file,
+    )
 else:
     __getattr__ = load_on_use(
         __name__,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from facets.experiments.studies import disturbed_rigs, new_zero, rigs
-from facets.experiments.studies import simulated_bench as bench
+from facets.experiments.studies import disturbed_rigs, new_zero, rigs, simulated_bench as bench
 from rig_samples import CONFIG, NOMINAL, accepted_effects, judge, words_of
 
 import facets

@@ -11,8 +11,7 @@ import sys
 import numpy as np
 import pytest
 from executions import EXECUTIONS, STATES, floats, sensor_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import facets
 from facets.model import arrays

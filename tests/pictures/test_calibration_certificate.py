@@ -14,8 +14,7 @@ import facets
 from facets.calibration import REFERENCE
 from facets.calibration.table import unit_of
 from facets.calibration.uncertainty import Budget
-from facets.core import READING_COLUMNS
-from facets.core import STATE_UNITS as UNITS
+from facets.core import READING_COLUMNS, STATE_UNITS as UNITS
 from facets.pictures import calibration_certificate
 
 STATEMENT = """extends: paper

@@ -9,8 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from facets.cli.sentences import bounds
-from facets.experiments import certificate_pieces
-from facets.experiments import check_certificate as checker
+from facets.experiments import certificate_pieces, check_certificate as checker
 from flint import arb
 
 from facets.characterization import parse_box

@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 from ...core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import alternative as alternative
-    from . import faults as faults
-    from . import scatter as scatter
+    from . import alternative as alternative, faults as faults, scatter as scatter
 else:
     __getattr__ = load_on_use(__name__)

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from ...core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import fit as fit
-    from . import unknowns as unknowns
+    from . import fit as fit, unknowns as unknowns
 else:
     __getattr__ = load_on_use(__name__)

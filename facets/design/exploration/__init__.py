@@ -5,10 +5,7 @@ from typing import TYPE_CHECKING
 from ...core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import front as front
-    from . import gallery as gallery
-    from . import runs as runs
-    from . import space as space
+    from . import front as front, gallery as gallery, runs as runs, space as space
     from .runs import explore as explore
 else:
     __getattr__ = load_on_use(__name__, {"runs": "explore"})

@@ -27,8 +27,8 @@ from ...characterization.ranges import (
     light_clearances,
     spot_clearances,
     standard_uncertainties,
+    states_of as states_of_poses,
 )
-from ...characterization.ranges import states_of as states_of_poses
 from ...characterization.singularity import extremes
 from ...core.names import FINE_UNITS, STATE_UNITS
 from ...core.rules import Rules

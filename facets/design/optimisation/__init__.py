@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 from ...core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import parts as parts
-    from . import rounding as rounding
-    from . import search as search
+    from . import parts as parts, rounding as rounding, search as search
 else:
     __getattr__ = load_on_use(__name__)

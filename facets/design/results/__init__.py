@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 from ...core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import changes as changes
-    from . import tables as tables
-    from . import verification as verification
+    from . import changes as changes, tables as tables, verification as verification
 else:
     __getattr__ = load_on_use(__name__)

@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 from ...core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import heads as heads
-    from . import prediction as prediction
-    from . import robust as robust
+    from . import heads as heads, prediction as prediction, robust as robust
 else:
     __getattr__ = load_on_use(__name__)

@@ -5,9 +5,6 @@ from typing import TYPE_CHECKING
 from ...core.faces import load_on_use
 
 if TYPE_CHECKING:
-    from . import index as index
-    from . import pose_table as pose_table
-    from . import reader as reader
-    from . import replay as replay
+    from . import index as index, pose_table as pose_table, reader as reader, replay as replay
 else:
     __getattr__ = load_on_use(__name__)

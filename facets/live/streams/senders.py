@@ -17,8 +17,7 @@ from ...core.errors import FacetsError, InputError
 from ...core.extras import require_extra
 from .json_rows import json_of
 from .run_feed import RunFeed
-from .sample_rows import HEAD as HEAD_COLUMNS
-from .sample_rows import unit_of
+from .sample_rows import HEAD as HEAD_COLUMNS, unit_of
 from .subscription import POLL_MS, Rows
 
 

@@ -19,8 +19,16 @@ from ...detectors.skew import delay_states, delayed_readings
 from ...model.arrays import mask_missed_spots
 from ...tracking.interlock import HEARTBEAT, KIND, MAY_MOVE, SIGN, heartbeat_frame
 from ..run.board_poses import SOLVED
-from ..sources.frames import ELECTRODES, OVERRUN, PERMIT, POSE, XY_SUM, RawSamples, encode
-from ..sources.frames import SATURATED as FULL
+from ..sources.frames import (
+    ELECTRODES,
+    OVERRUN,
+    PERMIT,
+    POSE,
+    SATURATED as FULL,
+    XY_SUM,
+    RawSamples,
+    encode,
+)
 from .faults import Faults, Schedule
 
 if TYPE_CHECKING:

@@ -32,8 +32,7 @@ from .scene import Stand
 from .sheet import DrawingSheet
 from .solids import RigPart, Solid, bands
 from .studio import Shot, Studio
-from .views import factor_in_words as factor_in_words
-from .views import round_down, state_in_words
+from .views import factor_in_words as factor_in_words, round_down, state_in_words
 
 OnProgress = Callable[[float, float], None]
 ViewName = Literal["both", "rig", "mirror", "detector", "cutaway", "range", "trail"]
