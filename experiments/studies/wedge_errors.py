@@ -54,7 +54,7 @@ def radial(a: Any) -> tuple[Any, Any, Any]:
     return i1, i2, 2 * i1 - a * i2
 
 
-def polar_moments(q: tuple[Any, Any], low: Any, high: Any) -> list[Any]:
+def polar_moments(q: tuple[Any, Any], low: Any, high: Any, tolerance: float) -> list[Any]:
     """The six polar moments about q over a range of angles, by rigorous integration."""
     from flint import acb, arb
 
@@ -65,11 +65,16 @@ def polar_moments(q: tuple[Any, Any], low: Any, high: Any) -> list[Any]:
         return (i1, i2 * cosine, i2 * sine, x * cosine, x * sine, y * sine)[n]
 
     parts = (partial(integrand, n) for n in range(6))
-    return [acb.integral(part, low, high, rel_tol=arb(TOLERANCE)).real for part in parts]
+    return [acb.integral(part, low, high, rel_tol=arb(tolerance)).real for part in parts]
 
 
-def exact_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[Any]]:
-    """Exact results of `facets.optics.wedge` for the same floats; a list for each of KINDS."""
+def exact_wedge(
+    q: Plane, u1: Plane, u2: Plane, tolerance: float = TOLERANCE
+) -> dict[str, list[Any]]:
+    """Exact results of `facets.optics.wedge` for the same floats; a list for each of KINDS.
+
+    tolerance: of the moments about the point, relative.
+    """
     from flint import acb, arb, ctx
 
     ctx.prec = BITS
@@ -78,7 +83,7 @@ def exact_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[Any]]:
     turn = arb.atan2(
         arb(u1[0]) * u2[1] - arb(u1[1]) * u2[0], arb(u1[0]) * u2[0] + arb(u1[1]) * u2[1]
     ).mid()
-    about, x, y, xx, xy, yy = polar_moments((qx, qy), start, start + turn)
+    about, x, y, xx, xy, yy = polar_moments((qx, qy), start, start + turn, tolerance)
     light = (-(qx * qx + qy * qy) / 2).exp() / (2 * arb.pi())
     cx, cy = x / about, y / about
     result = {
