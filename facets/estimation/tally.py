@@ -133,7 +133,11 @@ class Misfit:
         chance = FALSE_ALARM_RATE * self.judged
         if self.flagged <= max(DOUBT * chance, chance + 5 * np.sqrt(chance) + 1):
             return ""
-        size = float(np.median(np.concatenate(self.sizes)))
+        sizes = np.concatenate(self.sizes)
+        size = float(np.median(sizes))
+        # the median of the poses without a flag, since those with one have the largest residuals
+        unflagged = np.quantile(sizes, (1 - self.flagged / self.judged) / 2)
+        is_general = self.is_mostly_flagged or unflagged > OFF_PRIOR
         told = (
             f"{self.flagged} of {self.judged} poses have a residual beyond chance "
             f"({chance:.2g} would by chance); the median residual is {size:.3g} times the noise"
@@ -149,7 +153,7 @@ class Misfit:
                 "configuration, the order of the detectors and the columns' signs and units, or "
                 "calibrate the rig; the stated uncertainties do not hold."
             )
-        if self.is_mostly_flagged:
+        if is_general:
             return (
                 f"{told}: the model misses something of this sensor. Calibrate it again; if the "
                 "laser's power or the beam may have moved, solve with power: unknown or beam: free."

@@ -58,6 +58,17 @@ def test_a_single_flag_is_left_to_chance_and_more_are_spoilt_readings(count):
     assert ("single readings are spoilt" in found.sentence) == bool(found.sentence) == (count == 2)
 
 
+def test_an_error_of_all_readings_is_not_taken_for_single_spoilt_ones():
+    """Few poses of them are flagged, but the others have larger residuals than noise makes, too."""
+    noise = np.random.default_rng(1)
+    sigma = facets.standard_deviations(CONFIG.sensor, facets.readings(CONFIG.sensor, [0.0] * 8))
+    raw = read(300) + sigma * noise.normal(size=(300, 9))
+    raw[:, 1] += 6 * sigma[1]
+    marks, found = flags(CONFIG.sensor, raw)
+    assert 5 < marks.sum() < 150
+    assert "the model misses something" in found.sentence
+
+
 def test_errors_that_a_calibration_left_widen_the_limit():
     """By three standard deviations of psi on B beside the noise's one: the root of 1 + 9."""
     sigma = facets.standard_deviations(CONFIG.sensor, facets.readings(CONFIG.sensor, [0.0] * 8))
