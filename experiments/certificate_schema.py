@@ -1,105 +1,24 @@
-"""The JSON Schema of a certificate of uniqueness, and the part of JSON Schema that enforces it.
+"""The JSON Schema of a certificate of uniqueness (certificate_schema.json), and the part of JSON
+Schema that enforces it.
 
 `python -m facets.experiments.check_certificate --schema` prints it.
 """
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 from typing import Any
 
-FORMAT = "facets uniqueness certificate 2"
+#: The schema of the whole file; any other program can use certificate_schema.json as it is.
+SCHEMA: dict[str, Any] = json.loads(Path(__file__).with_suffix(".json").read_text("utf-8"))
 
 
 class Refused(Exception):
     """The certificate is no proof; the message says why."""
 
 
-def array(item: Any, count: int) -> dict[str, Any]:
-    return {"type": "array", "items": item, "minItems": count, "maxItems": count}
-
-
-NUMBER = {"type": "number"}
-LENGTH = {"type": "number", "minimum": 0}
-TEXT = {"type": "string"}
-INTERVAL = array(NUMBER, 2)
-
-
-def record(properties: dict[str, Any], optional: tuple[str, ...] = ()) -> dict[str, Any]:
-    return {
-        "type": "object",
-        "properties": properties,
-        "required": [name for name in properties if name not in optional],
-        "additionalProperties": False,
-    }
-
-
-PIECE = record({"low": array(NUMBER, 6), "high": array(NUMBER, 6), "at_least": LENGTH})
-LIGHT = record(
-    {
-        "from_point": array(array(INTERVAL, 2), 3),
-        "turns": array(array(array(INTERVAL, 3), 2), 3),
-        "slope": INTERVAL,
-    }
-)
-AFFINE = record(
-    {
-        "place": array(NUMBER, 6),
-        "value": array(array(NUMBER, 6), 6),
-        "slopes": array(array(array(NUMBER, 6), 6), 6),
-    }
-)
-ABOUT = (
-    "config",
-    "config_sha256",
-    "object",
-    "facets",
-    "seed",
-    "command",
-    "made",
-    "seconds",
-    "work",
-    "middles",
-    "range",
-)
-SCHEMA: dict[str, Any] = {
-    "$schema": "https://json-schema.org/draft/2020-12/schema",
-    "title": FORMAT,
-    "description": "Lengths mm, angles rad, powers mW.",
-    **record(
-        {
-            "format": {"const": FORMAT},
-            "config": TEXT,
-            "config_sha256": {"type": "string", "pattern": "^[0-9a-f]{64}$"},
-            "object": TEXT,
-            "facets": TEXT,
-            "seed": TEXT,
-            "command": TEXT,
-            "made": TEXT,
-            "seconds": LENGTH,
-            "work": {"type": "integer", "minimum": 0},
-            "resolved": {"type": ["object", "null"]},
-            "parameters": array(NUMBER, 30),
-            "tolerances": array(LENGTH, 30),
-            "low": array(NUMBER, 6),
-            "high": array(NUMBER, 6),
-            "least_share": {"type": "number", "exclusiveMinimum": 0, "maximum": 1 / 3},
-            "regular": {"const": True},
-            "unique": {"const": True},
-            "margin": {"type": "number", "exclusiveMinimum": 0, "maximum": 1},
-            "least_determinant": LENGTH,
-            "reason": {"const": ""},
-            "light": LIGHT,
-            "middles": {**AFFINE, "type": ["object", "null"]},
-            "inverse": array(array(NUMBER, 6), 6),
-            "weights": array({"type": "number", "exclusiveMinimum": 0}, 6),
-            "pieces": {"type": "array", "items": PIECE, "minItems": 1},
-            "doubtful": {"type": "array", "items": PIECE, "maxItems": 0},
-            "range": {"type": ["object", "null"]},
-        },
-        ABOUT,
-    ),
-}
 KINDS = {"object": dict, "array": list, "string": str, "boolean": bool, "null": type(None)}
 
 

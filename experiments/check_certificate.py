@@ -8,7 +8,7 @@ What it trusts, all of it:
 2. that the sensor is as that page says: ideal light, flat facets, nothing else that cuts light;
 3. the outward rounding of python-flint's intervals (Arb), and Python's comparison of floats;
 4. JSON as Python reads it, after which the file has to fit the schema, every number finite;
-5. this file and certificate_schema.py, _optics.py and _pieces.py beside it, some
+5. this file and certificate_schema.py and .json, _optics.py and _pieces.py beside it, some
    1,000 lines, and numpy for matrices that need not be right; nothing else of the project.
 
 It trusts no number of the file: it traces rays itself, takes derivatives by dual numbers instead of
