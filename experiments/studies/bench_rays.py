@@ -198,13 +198,23 @@ class RayFacet(NamedTuple):
         return np.array([np.cross(self.normal, first), np.cross(second, self.normal)])
 
 
+def facet_normals(sensor: Sensor) -> Floats:
+    """Normals of the facets (3, 3), by rows, in the mirror's frame."""
+    return np.array([[np.sin(f.inclination) * np.cos(f.azimuth),
+                      np.sin(f.inclination) * np.sin(f.azimuth), np.cos(f.inclination)]
+                     for f in sensor.facets])  # fmt: skip
+
+
+def mirror_rotation(states: Floats) -> Floats:
+    """Rotations of the mirror (n, 3, 3) at states (n, 8)."""
+    x, y, z = (rotation_about(axis, states[:, 3 + axis]) for axis in range(3))
+    return z @ y @ x
+
+
 def facet_of(sensor: Sensor, bench: RayBench, states: Floats, k: int) -> RayFacet:
-    normals = np.array([[np.sin(f.inclination) * np.cos(f.azimuth),
-                         np.sin(f.inclination) * np.sin(f.azimuth), np.cos(f.inclination)]
-                        for f in sensor.facets])  # fmt: skip
-    parts = [rotation_about(2 - i, states[:, 5 - i]) for i in range(3)]
-    turn, both = parts[0] @ parts[1] @ parts[2], edges_of(normals)[[k, (k + 1) % 3]]
-    return RayFacet(sensor, bench, RayBeam.from_sensor(sensor), states, turn, normals[k], both, k)
+    normals, beam = facet_normals(sensor), RayBeam.from_sensor(sensor)
+    both = edges_of(normals)[[k, (k + 1) % 3]]
+    return RayFacet(sensor, bench, beam, states, mirror_rotation(states), normals[k], both, k)
 
 
 def spots(sensor: Sensor, bench: RayBench, state: Floats) -> Floats:

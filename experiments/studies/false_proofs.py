@@ -3,9 +3,10 @@
 `python -m facets.experiments.studies.false_proofs [--draws 200] [--seed 1]` writes one line a
 sensor and the sum.
 
-The search shares no code with the package: it has its own forward model, rays through centroids
-that are integrated by Gauss and Legendre, and its own derivatives, by differences. It breaks a
-proof if it finds a determinant below the bound, or two states of the set that read the same.
+The search shares no code with the package: it has its own forward model, rays as of `bench_rays`
+through centroids that are integrated by Gauss and Legendre, and its own derivatives, by
+differences. It breaks a proof if it finds a determinant below the bound, or two states of the set
+that read the same.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from facets.proof.uniqueness import Certificate, certify
 
 from ..certificate_schema import Refused
 from ..check_certificate import check
-from .bench_rays import rotation_about
+from .bench_rays import RayBeam, facet_normals, landing_point, mirror_rotation, rotation_about
 from .options import parse_options
 
 #: Largest number of pieces in a proof.
@@ -48,31 +49,17 @@ SAME, APART = 1e-9, 1e-5
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
-def rotation(roll: Floats, pitch: Floats, yaw: Floats) -> Floats:
-    """Rotation matrices (..., 3, 3)."""
-    return rotation_about(2, yaw) @ rotation_about(1, pitch) @ rotation_about(0, roll)
-
-
 class RayModel:
-    """Ray model of the 30 parameters that maps (n, 8) states to (n, 9) readings and shares."""
+    """Ray model of a sensor that maps (n, 8) states to (n, 9) readings and shares."""
 
-    def __init__(self, p: tuple[float, ...]) -> None:
-        self.power = p[0]
-        tilt = rotation(np.array(p[4]), np.array(p[5]), np.zeros(()))
-        spin = rotation_about(2, p[3])
-        self.frame = (tilt @ spin)[:, :2].T
-        self.sigma = np.array([p[1], p[2]]) / 4
-        self.down = -tilt[:, 2]
-        slopes = np.array([p[6], p[8], p[10]]), np.array([p[7], p[9], p[11]])
-        self.normals = np.stack(
-            [np.sin(slopes[0]) * np.cos(slopes[1]), np.sin(slopes[0]) * np.sin(slopes[1]),
-             np.cos(slopes[0])], axis=1
-        )  # fmt: skip
-        psd = np.array(p[12:]).reshape(3, 6)
-        self.centres = np.stack(
-            [psd[:, 0] * np.cos(psd[:, 1]), psd[:, 0] * np.sin(psd[:, 1]), psd[:, 2]], axis=1
-        )
-        self.axes = rotation(psd[:, 3], psd[:, 4], psd[:, 1] + psd[:, 5])
+    def __init__(self, sensor: Sensor) -> None:
+        self.sensor, self.power = sensor, sensor.beam.power
+        beam = RayBeam.from_sensor(sensor)
+        spin = rotation_about(2, sensor.beam.rotation)[:2, :2]
+        self.frame = spin.T @ [beam.x, beam.y]
+        self.sigma = np.array([sensor.beam.diameter_x, sensor.beam.diameter_y]) / 4
+        self.down = beam.along
+        self.normals = facet_normals(sensor)
 
     def light(self, q: Floats, start: Floats, opening: Floats) -> tuple[Floats, Floats]:
         """Share (n,) and centroid (n, 2) of a wedge from q, in sigmas."""
@@ -90,8 +77,7 @@ class RayModel:
 
     def __call__(self, states: Floats) -> Floats:
         apex, place = states[:, :3], np.column_stack([states[:, 6:], np.zeros(len(states))])
-        turn = rotation(states[:, 3], states[:, 4], states[:, 5])
-        normals = np.einsum("nij,kj->nki", turn, self.normals)
+        normals = np.einsum("nij,kj->nki", mirror_rotation(states), self.normals)
         edges = np.cross(normals, np.roll(normals, 1, axis=1))
         seen = np.einsum("nki,ji->nkj", edges, self.frame) / self.sigma
         angles = np.arctan2(seen[..., 1], seen[..., 0])
@@ -105,10 +91,8 @@ class RayModel:
             drop = ((apex - origin) * n).sum(axis=1) / (n @ self.down)
             start = origin + drop[:, None] * self.down
             away = self.down - 2 * (n @ self.down)[:, None] * n
-            x, y, z = self.axes[k].T
-            reach = ((self.centres[k] - start) @ x) / (away @ x)
-            spot = start + reach[:, None] * away - self.centres[k]
-            out[:, 3 * k : 3 * k + 3] = np.stack([spot @ y, spot @ z, self.power * mass], axis=1)
+            spot, _ = landing_point(start, away, self.sensor.psds[k])
+            out[:, 3 * k : 3 * k + 3] = np.column_stack([spot, self.power * mass])
         return out
 
     def slopes(self, states: Floats) -> Floats:
@@ -226,7 +210,7 @@ def breaks_uniqueness(case: ProofCase, model: RayModel, rng: np.random.Generator
 
 def decide(case: ProofCase, rng: np.random.Generator) -> tuple[str, bool]:
     """Return the outcome and whether the search breaks it."""
-    model = RayModel(parameters(case.sensor))
+    model = RayModel(case.sensor)
     proof = certify(case.sensor, case.box, case.share, pieces=WORK)
     if proof.unique:
         return "unique", breaks_bound(case, model, proof, rng) or breaks_uniqueness(
