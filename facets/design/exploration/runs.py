@@ -119,8 +119,9 @@ def run_in_processes(
         return
     measure_design(space, designs(space)[0])  # compiled once, before the processes begin
     begin, rest = time.process_time(), firsts[1:]
-    yield firsts[0], part_of(space, firsts[0])
+    table = part_of(space, firsts[0])
     work = (time.process_time() - begin) * len(rest)
+    yield firsts[0], table
     workers = min(cores(), int(work / LEAST_WORK_S))
     if workers < 2:
         yield from ((first, part_of(space, first)) for first in rest)
