@@ -42,7 +42,7 @@ def rig_view(sensor):
 def shot():
     """A camera's picture of the parts, with depths."""
     with Picture(PAPER, TILTED, RIG) as picture:
-        yield picture.studio.take(picture.view.camera, sharpness=1)
+        yield picture.studio.take(picture.view.camera)
 
 
 def light_in(picture):

@@ -102,16 +102,18 @@ class Camera:
         high = np.clip(seen[:, :2].max(axis=0) + pad + 1, 0, self.size).astype(int)
         return np.s_[low[1] : high[1], low[0] : high[0]], pixel
 
-    def apply(self, camera: Any) -> None:
-        """Set a `vtkCamera` to the same view."""
+    def apply(self, camera: Any, strip: int = 0, count: int = 1) -> None:
+        """Set a `vtkCamera` to the same view, or to one of several strips, counted from below."""
         camera.SetPosition(*self.place)
         camera.SetFocalPoint(*self.focus)
         camera.SetViewUp(*self.axes[1])
         camera.SetParallelProjection(self.parallel)
-        camera.SetParallelScale(self.height / 2)
-        camera.SetViewAngle(np.degrees(self.angle or 0.5))
+        camera.SetParallelScale(self.height / 2 / count)
+        half = np.arctan(np.tan((self.angle or 0.01) / 2) / count)
+        camera.SetViewAngle(2 * np.degrees(half))
         width, height = self.size
-        camera.SetWindowCenter(2 * self.shift[0] * height / width, 2 * self.shift[1])
+        above = 2 * strip + 1 + count * (2 * self.shift[1] - 1)
+        camera.SetWindowCenter(2 * self.shift[0] * height / width, above)
 
 
 class Rays:

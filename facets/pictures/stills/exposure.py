@@ -93,7 +93,7 @@ def backdrop(camera: Camera, theme: Theme, floor: Floor | None) -> Floats:
     width, height = camera.size
     share = np.linspace(0, 1, height)[:, None, None]
     behind = rgb(theme.top) * (1 - share) + rgb(theme.bottom) * share
-    picture = np.broadcast_to(behind, (height, width, 3))
+    picture: Floats = np.repeat(behind.astype(np.float32), width, axis=1)
     if floor is None:
         return picture
     rays, point = Rays(camera), (0, 0, floor.z)
@@ -104,10 +104,16 @@ def backdrop(camera: Camera, theme: Theme, floor: Floor | None) -> Floats:
     )
     place = np.broadcast_arrays(y, x)
     shade = map_coordinates(floor.shade, [(at + 1) / 2 * (MAP - 1) for at in place], order=1)
-    fade = (np.exp(-1.6 * (x**2 + y**2)) * (above & (depth > 0)))[..., None]
-    lit = 1 - theme.shadow * shade[..., None] * (fade > 0)
-    mixed: Floats = (picture * (1 - fade) + rgb(theme.ground) * fade) * lit
-    return mixed
+    fade = np.exp(-1.6 * (x**2 + y**2)) * (above & (depth > 0))
+    blend(picture, fade, rgb(theme.ground))
+    picture *= np.float32(1 - theme.shadow * shade * (fade > 0))[..., None]
+    return picture
+
+
+def blend(picture: Floats, cover: Floats, colour: Sequence[Any] | Floats) -> None:
+    """Blend a colour, or colours (3, h, w), over a picture by shares (h, w), in place."""
+    for n, part in enumerate(colour):
+        picture[..., n] += cover * (part - picture[..., n])
 
 
 def occlusion(shot: Shot) -> Floats:
@@ -136,7 +142,7 @@ def occlusion(shot: Shot) -> Floats:
             taken += np.clip(-(first + second) / radius, 0, 1) * near
     light = 1 - np.minimum(0.7, 1.3 * taken / (DIRECTIONS * len(STEPS)))
     soft = gaussian_filter(np.where(here < 1e6, light, 1.0), 1.8)
-    whole: Floats = np.repeat(np.repeat(soft, 2, axis=0), 2, axis=1)
+    whole: Floats = np.repeat(np.repeat(soft.astype(np.float32), 2, axis=0), 2, axis=1)
     return whole[: shot.depth.shape[0], : shot.depth.shape[1]]
 
 
@@ -144,9 +150,9 @@ def expose(
     stand: Stand, shot: Shot, theme: Theme, floor: Floor | None, look: Exposure, laser: float
 ) -> Floats:
     """Render the picture (h, w, 3), 0 to 1; the beam begins `laser` mm above the apex."""
-    behind = backdrop(shot.camera, theme, floor if look.floor else None)
-    shade = occlusion(shot)[..., None]
-    picture = shot.colour * shade + behind * (1 - shot.cover[..., None])
+    picture = backdrop(shot.camera, theme, floor if look.floor else None)
+    picture *= 1 - shot.cover[..., None]
+    picture += shot.colour * occlusion(shot)[..., None]
     light = glow(stand, shot, laser, look.dark)
     if theme.shines or look.glows:
         return shine(picture, light, theme if theme.shines else THEMES["dark"], look)
@@ -184,12 +190,11 @@ def stain(picture: Floats, light: Glow, theme: Theme, haze: float) -> Floats:
     """Blend light as ink into a bright picture."""
     for amount, hue in beams(light, theme, haze):
         wide = 1.15 * amount + 0.5 * halo(amount, 0.003, 1.2)
-        cover = (0.92 * (1 - np.exp(-1.5 * wide)))[..., None]
-        picture = picture * (1 - cover) + hue * cover
+        blend(picture, 0.92 * (1 - np.exp(-1.5 * wide)), hue)
     for amount, name in zip(light.surfaces, theme.hues, strict=True):
-        cover = (1 - np.exp(-3.5 * (amount + 0.3 * halo(amount, 0.003, 1.2))))[..., None]
-        hot = (np.clip(amount - 0.35, 0, 1) * 1.1)[..., None]
-        picture = picture * (1 - cover) + (rgb(name) * (1 - hot) + hot) * cover
+        cover = 1 - np.exp(-3.5 * (amount + 0.3 * halo(amount, 0.003, 1.2)))
+        hot = np.clip(amount - 0.35, 0, 1) * 1.1
+        blend(picture, cover, [hue * (1 - hot) + hot for hue in rgb(name)])
     return picture
 
 

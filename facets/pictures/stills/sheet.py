@@ -109,15 +109,18 @@ class DrawingSheet:
         self.size, self.theme, self.unit = (width, height), theme, unit_of((width, height))
         self.taken: list[Box] = []
         self.canvas: Any = FigureCanvasAgg(Figure((width / 72, height / 72), dpi=72))
-        self.canvas.figure.figimage(as_bytes(picture), zorder=-1)
+        self.canvas.figure.patch.set_visible(False)
+        self.picture = as_bytes(picture)
         self.axes: Any = self.canvas.figure.add_axes((0, 0, 1, 1))
         self.axes.set(xlim=(0, width), ylim=(height, 0), autoscale_on=False)
         self.axes.set_axis_off()
 
     def pixels(self) -> Any:
         """Return the picture with all that was drawn, (h, w, 3), 0 to 255."""
-        self.canvas.draw()
-        return np.asarray(self.canvas.buffer_rgba())[..., :3].copy()
+        drawn = np.asarray(self.canvas.buffer_rgba())  # without what figimage takes, 150 MB
+        drawn[..., :3], drawn[..., 3] = self.picture, 255
+        self.canvas.figure.draw(self.canvas.get_renderer())
+        return drawn[..., :3].copy()
 
     # --- letters and lines ---------------------------------------------------------------------
 

@@ -238,24 +238,33 @@ class Studio:
         samples a pixel."""
         for assembly, actor in self.actors:
             actor.visibility = assembly in (assemblies or self.main)
-        width, height = (n * sharpness for n in camera.size)
-        self.plotter.window_size = [width, height]
-        view = self.plotter.renderer.GetActiveCamera()
+        width, height = camera.size
+        window, view = self.plotter.render_window, self.plotter.renderer.GetActiveCamera()
         camera.apply(view)
         self.plotter.renderer.ResetCameraClippingRange()
-        self.plotter.render_window.Render()
-        colour, level = buffers(self.plotter.render_window, width, height)
-        return develop(camera, colour, level, view.GetClippingRange())
+        # strips, since the library keeps several buffers of all samples
+        count = max(n for n in range(1, sharpness**2 + 1) if height % n == 0)
+        self.plotter.window_size = [width * sharpness, height * sharpness // count]
+        strips = []
+        for n in reversed(range(count)):  # from the top
+            camera.apply(view, n, count)
+            window.Render()
+            strips.append(develop(*buffers(window), sharpness))
+        colour, nearest = (np.concatenate(parts) for parts in zip(*strips, strict=True))
+        shown = np.divide(colour, 255, dtype=np.float32)
+        depth = depth_of(nearest, view.GetClippingRange(), camera.parallel)
+        return Shot(camera, shown[..., :3], shown[..., 3], depth)
 
     def close(self) -> None:
         self.plotter.close()
 
 
-def buffers(window: Any, width: int, height: int) -> tuple[Any, Any]:
+def buffers(window: Any) -> tuple[Any, Any]:
     """Return colour and cover (h, w, 4) of each sample, 0 to 255, and its level of depth (h, w)."""
     from vtkmodules.util import numpy_support
     from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 
+    width, height = window.GetActualSize()
     bytes_, levels = vtkUnsignedCharArray(), vtkFloatArray()
     window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 0, bytes_, 0)
     window.GetZbufferData(0, 0, width - 1, height - 1, levels)
@@ -264,20 +273,19 @@ def buffers(window: Any, width: int, height: int) -> tuple[Any, Any]:
     return colour, as_array(levels).reshape(height, width)[::-1]
 
 
-def develop(camera: Camera, colour: Any, level: Any, clipping: tuple[float, float]) -> Shot:
-    """Reduce samples to pixels: colours and covers are averaged, and depths are the nearest.
-
-    level: 0 at the nearer, 1 at the farther end of the range of depths.
-    """
+def develop(colour: Any, level: Any, sharpness: int) -> tuple[Any, Any]:
+    """Reduce samples to pixels: colours and covers are averaged, and levels are the nearest."""
     from PIL import Image
 
-    near, far = clipping
-    sharpness = len(level) // camera.size[1]
     image = Image.fromarray(np.ascontiguousarray(colour), "RGBa").reduce(sharpness)
-    shown = np.asarray(image, np.float32) / 255
     cells = [level[i::sharpness, j::sharpness] for i, j in np.ndindex(sharpness, sharpness)]
-    nearest = np.minimum.reduce(cells).astype(float)
-    span = nearest * (far - near)
-    depth = near + span if camera.parallel else near * far / (far - span)
-    depth[nearest >= 1] = np.inf
-    return Shot(camera, shown[..., :3], shown[..., 3], depth)
+    return np.asarray(image), np.minimum.reduce(cells)
+
+
+def depth_of(level: Any, clipping: tuple[float, float], parallel: bool) -> Floats:
+    """Depths in mm of levels, 0 at the nearer, 1 at the farther end of the range of depths."""
+    near, far = clipping
+    span = level.astype(float) * (far - near)
+    depth: Floats = near + span if parallel else near * far / (far - span)
+    depth[level >= 1] = np.inf
+    return depth
