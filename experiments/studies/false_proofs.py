@@ -3,10 +3,10 @@
 `python -m facets.experiments.studies.false_proofs [--draws 200] [--seed 1]` writes one line a
 sensor and the sum.
 
-The search shares no code with the package: it has its own forward model, rays as of `bench_rays`
-through centroids that are integrated by Gauss and Legendre, and its own derivatives, by
-differences. It breaks a proof if it finds a determinant below the bound, or two states of the set
-that read the same.
+The search shares no code with the proof or the optics: its forward model is the one that
+`facets bench` compares, rays through centroids that are integrated by Gauss and Legendre, and its
+derivatives are differences. It breaks a
+proof if it finds a determinant below the bound, or two states of the set that read the same.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
+from facets.bench.ray_model import RayModel
 from facets.characterization.ambiguity import find_pair_in_box
 from facets.characterization.singularity import measures
 from facets.characterization.state_box import StateBox, box_of_poses
@@ -34,7 +35,6 @@ from facets.proof.uniqueness import Certificate, certify
 
 from ..certificate_schema import Refused
 from ..check_certificate import check
-from .bench_rays import RayBeam, facet_normals, landing_point, mirror_rotation, rotation_about
 from .options import parse_options
 
 #: Largest number of pieces in a proof.
@@ -46,54 +46,12 @@ MORE_SAMPLES = 40_000
 #: Steps of the differences, mm and rad; bounds for equal readings and for different states.
 STEP = np.array([1e-4] * 3 + [1e-6] * 3 + [1e-4] * 2)
 SAME, APART = 1e-9, 1e-5
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
+#: Nodes of a facet's light.
+NODES = 24
 
 
-class RayModel:
-    """Ray model of a sensor that maps (n, 8) states to (n, 9) readings and shares."""
-
-    def __init__(self, sensor: Sensor) -> None:
-        self.sensor, self.power = sensor, sensor.beam.power
-        beam = RayBeam.from_sensor(sensor)
-        spin = rotation_about(2, sensor.beam.rotation)[:2, :2]
-        self.frame = spin.T @ [beam.x, beam.y]
-        self.sigma = np.array([sensor.beam.diameter_x, sensor.beam.diameter_y]) / 4
-        self.down = beam.along
-        self.normals = facet_normals(sensor)
-
-    def light(self, q: Floats, start: Floats, opening: Floats) -> tuple[Floats, Floats]:
-        """Share (n,) and centroid (n, 2) of a wedge from q, in sigmas."""
-        from scipy.special import erfc
-
-        angle = start[:, None] + opening[:, None] * (NODES + 1) / 2
-        u = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        a = (q[:, None] * u).sum(axis=-1)
-        h2 = (q**2).sum(axis=1)[:, None] - a**2
-        tail, edge = np.sqrt(np.pi / 2) * erfc(a / np.sqrt(2)), np.exp(-(a**2) / 2)
-        weight = np.exp(-h2 / 2) * WEIGHTS * opening[:, None] / (4 * np.pi)
-        mass = (weight * (edge - a * tail)).sum(axis=1)
-        moment = ((weight * ((1 + a**2) * tail - a * edge))[..., None] * u).sum(axis=1)
-        return mass, q + moment / mass[:, None]
-
-    def __call__(self, states: Floats) -> Floats:
-        apex, place = states[:, :3], np.column_stack([states[:, 6:], np.zeros(len(states))])
-        normals = np.einsum("nij,kj->nki", mirror_rotation(states), self.normals)
-        edges = np.cross(normals, np.roll(normals, 1, axis=1))
-        seen = np.einsum("nki,ji->nkj", edges, self.frame) / self.sigma
-        angles = np.arctan2(seen[..., 1], seen[..., 0])
-        q = (apex - place) @ self.frame.T / self.sigma
-        out = np.empty((len(states), 9))
-        for k in range(3):
-            opening = (angles[:, (k + 1) % 3] - angles[:, k]) % (2 * np.pi)
-            mass, middle = self.light(q, angles[:, k], opening)
-            origin = place + (middle * self.sigma) @ self.frame
-            n = normals[:, k]
-            drop = ((apex - origin) * n).sum(axis=1) / (n @ self.down)
-            start = origin + drop[:, None] * self.down
-            away = self.down - 2 * (n @ self.down)[:, None] * n
-            spot, _ = landing_point(start, away, self.sensor.psds[k])
-            out[:, 3 * k : 3 * k + 3] = np.column_stack([spot, self.power * mass])
-        return out
+class SlopeModel(RayModel):
+    """A model by rays, with derivatives."""
 
     def slopes(self, states: Floats) -> Floats:
         """Derivatives (n, 9, 8) of the readings, by central differences."""
@@ -102,6 +60,10 @@ class RayModel:
         ]
         stacked: Floats = np.stack(columns, axis=-1)
         return stacked
+
+
+def model_of(sensor: Sensor) -> SlopeModel:
+    return SlopeModel(parameters(sensor), NODES)
 
 
 @dataclass
@@ -131,7 +93,7 @@ def random_cases(count: int, seed: int) -> list[ProofCase]:
     return cases
 
 
-def states_of(case: ProofCase, model: RayModel, count: int, rng: np.random.Generator) -> Floats:
+def states_of(case: ProofCase, model: SlopeModel, count: int, rng: np.random.Generator) -> Floats:
     """Sample states of the set whose beam passes the apex within a few sigmas."""
     pose = rng.uniform(case.box.low[:6], case.box.high[:6], (count, 6))
     offset = rng.uniform(-1.5, 1.5, (count, 2)) * model.sigma
@@ -143,7 +105,7 @@ def states_of(case: ProofCase, model: RayModel, count: int, rng: np.random.Gener
     return kept
 
 
-def is_in_case(case: ProofCase, model: RayModel, states: Floats) -> NDArray[np.bool_]:
+def is_in_case(case: ProofCase, model: SlopeModel, states: Floats) -> NDArray[np.bool_]:
     pose = states[:, :6]
     boxed = (pose >= case.box.low[:6]).all(axis=1) & (pose <= case.box.high[:6]).all(axis=1)
     lit = model(states)[:, 2::3].min(axis=1) >= case.share * model.power
@@ -152,7 +114,7 @@ def is_in_case(case: ProofCase, model: RayModel, states: Floats) -> NDArray[np.b
 
 
 def breaks_bound(
-    case: ProofCase, model: RayModel, found: Certificate, rng: np.random.Generator
+    case: ProofCase, model: SlopeModel, found: Certificate, rng: np.random.Generator
 ) -> bool:
     """Whether a state has a smaller determinant than the proved bound."""
     states = states_of(case, model, SAMPLES, rng)
@@ -161,7 +123,7 @@ def breaks_bound(
 
 
 def breaks_check(
-    case: ProofCase, model: RayModel, found: Certificate, rng: np.random.Generator
+    case: ProofCase, model: SlopeModel, found: Certificate, rng: np.random.Generator
 ) -> bool:
     """Whether a state's determinant is below the checker's bound for the certificate, or for one
     with the largest valid bound of the powers' slope."""
@@ -181,7 +143,7 @@ def breaks_check(
     return any(float(bound) > least * (1 + 1e-6) for bound in bounds)
 
 
-def breaks_uniqueness(case: ProofCase, model: RayModel, rng: np.random.Generator) -> bool:
+def breaks_uniqueness(case: ProofCase, model: SlopeModel, rng: np.random.Generator) -> bool:
     """Search by Newton's method from many pairs for two states of the set with equal readings."""
     states = states_of(case, model, 4 * PAIRS, rng)
     if len(states) < 2:
@@ -210,7 +172,7 @@ def breaks_uniqueness(case: ProofCase, model: RayModel, rng: np.random.Generator
 
 def decide(case: ProofCase, rng: np.random.Generator) -> tuple[str, bool]:
     """Return the outcome and whether the search breaks it."""
-    model = RayModel(case.sensor)
+    model = model_of(case.sensor)
     proof = certify(case.sensor, case.box, case.share, pieces=WORK)
     if proof.unique:
         return "unique", breaks_bound(case, model, proof, rng) or breaks_uniqueness(

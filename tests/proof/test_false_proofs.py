@@ -17,7 +17,7 @@ from facets.proof import Certificate, certify
 @pytest.mark.parametrize("name", ["paper", "skewed1"])
 def test_the_search_has_a_model_of_its_own_that_agrees(name):
     sensor, state = SENSORS[name], states(50, seed=5)
-    model = false_proofs.RayModel(sensor)
+    model = false_proofs.model_of(sensor)
     np.testing.assert_allclose(model(state), facets.readings(sensor, state), atol=1e-10)
     np.testing.assert_allclose(model.slopes(state), facets.jacobian(sensor, state), atol=1e-4)
 
@@ -30,7 +30,7 @@ def test_the_search_breaks_what_is_not_so():
         "offset_y_mm=0.2"
     )
     case = false_proofs.ProofCase(sensor, box, 0.108)
-    model = false_proofs.RayModel(sensor)
+    model = false_proofs.model_of(sensor)
     assert false_proofs.breaks_uniqueness(case, model, rng)
     assert false_proofs.breaks_bound(case, model, Certificate(box, at_least=1e6), rng)
 
@@ -49,7 +49,7 @@ def test_the_checker_s_bound_holds_for_a_beam_that_leans():
     beam = replace(sensor.beam, tilt_x=0.6, diameter_x=1.3, diameter_y=0.85)
     box = parse_box("tx_mm=3:3.001,ty_mm=-2:-2,tz_mm=1:1.01")
     case = false_proofs.ProofCase(replace(sensor, beam=beam), box, 0.3)
-    model, rng = false_proofs.RayModel(case.sensor), np.random.default_rng(1)
+    model, rng = false_proofs.model_of(case.sensor), np.random.default_rng(1)
     certificate = certify(case.sensor, case.box, case.share)
     assert certificate.unique
     assert not false_proofs.breaks_bound(case, model, certificate, rng)

@@ -84,19 +84,7 @@ def unit_of(name: str, channels: Iterable[dict[str, Any]] = ()) -> str:
     for channel in channels:
         if channel["column"] == name:
             return "" if channel["unit"] == "1" else str(channel["unit"])
-    if name.startswith("cov_"):
-        return unit_of_column(name)
-    end = name.rpartition("_")[2]
-    known = {
-        "mm": "mm",
-        "mrad": "mrad",
-        "mw": "mW",
-        "um": "um",
-        "urad": "urad",
-        "s": "s",
-        "us": "us",
-    }
-    return known.get(end, "sigma" if name == "residual" else "")
+    return "sigma" if name == "residual" else unit_of_column(name)
 
 
 def rows_of(poses: RunPoses, utc_offset: float) -> NDArray[np.void]:
