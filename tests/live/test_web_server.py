@@ -203,7 +203,7 @@ def test_pages_are_told_every_sample_in_bins_the_newest_in_full_and_the_end(page
     for part in np.array_split(rows, 30):
         page.outlet.send(part)
     page.outlet.refresh()
-    told = watched(page, lambda told: told.has_sample(2_999))
+    told = watched(page, lambda told: told.has_sample(2_999) and told.news["status"])
     newest = told.news["sample"]
     assert newest["state"][0] == rows["tx_mm"][-1]
     assert newest["utc"] == rows["utc_s"][-1]
