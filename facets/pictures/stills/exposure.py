@@ -106,7 +106,8 @@ def backdrop(camera: Camera, theme: Theme, floor: Floor | None) -> Floats:
     shade = map_coordinates(floor.shade, [(at + 1) / 2 * (MAP - 1) for at in place], order=1)
     fade = np.exp(-1.6 * (x**2 + y**2)) * (above & (depth > 0))
     blend(picture, fade, rgb(theme.ground))
-    picture *= np.float32(1 - theme.shadow * shade * (fade > 0))[..., None]
+    lit: Floats = 1 - theme.shadow * shade * (fade > 0)
+    picture *= lit[..., None]
     return picture
 
 
