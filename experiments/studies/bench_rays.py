@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from facets.bench.ray_model import rotation
 from facets.core.sensor import BenchLight, Psd, Sensor
 from facets.core.units import Floats
 
@@ -58,7 +59,7 @@ class RayBench(NamedTuple):
         power over the reflectance for unpolarised light at 45 degrees, the roll-off's depth from
         the end of a lost strip on."""
         beam, light = sensor.beam, sensor.light
-        turn = rotation_about(2, beam.rotation)[:2, :2]
+        turn = rotation(0.0, 0.0, beam.rotation)[:2, :2]
         covariance = turn @ np.diag([beam.diameter_x**2, beam.diameter_y**2]) / 16 @ turn.T
         xx, xy, yy = light.curvature_xx, light.curvature_xy, light.curvature_yy
         metal = complex(*light.index) if light.index else None
@@ -99,18 +100,6 @@ def hermite_profile(light: BenchLight, covariance: Floats) -> Callable[[Floats],
     return factor
 
 
-def rotation_about(axis: int, angle: Floats | float) -> Floats:
-    """Rotations (..., 3, 3) about x, y or z."""
-    angle = np.asarray(angle, dtype=float)
-    c, s = np.cos(angle), np.sin(angle)
-    out = np.zeros((*angle.shape, 3, 3))
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    out[..., axis, axis] = 1
-    out[..., i, i] = out[..., j, j] = c
-    out[..., i, j], out[..., j, i] = -s, s
-    return out
-
-
 def normalise(vectors: Floats) -> Floats:
     size: Floats = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return size
@@ -120,12 +109,7 @@ def detector_plane(psd: Psd) -> tuple[Floats, Floats]:
     """A detector's centre (3,), and its axes by rows (3, 3)."""
     centre = np.array([psd.radius * np.cos(psd.azimuth), psd.radius * np.sin(psd.azimuth),
                        psd.height])  # fmt: skip
-    turn = (
-        rotation_about(2, psd.azimuth + psd.yaw)
-        @ rotation_about(1, psd.pitch)
-        @ rotation_about(0, psd.roll)
-    )
-    return centre, turn.T
+    return centre, rotation(psd.roll, psd.pitch, psd.azimuth + psd.yaw).T
 
 
 def landing_point(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Floats]:
@@ -153,7 +137,7 @@ class RayBeam(NamedTuple):
 
     @classmethod
     def from_sensor(cls, sensor: Sensor) -> RayBeam:
-        turn = rotation_about(1, sensor.beam.tilt_y) @ rotation_about(0, sensor.beam.tilt_x)
+        turn = rotation(sensor.beam.tilt_x, sensor.beam.tilt_y, 0.0)
         return cls(turn @ [0.0, 0.0, -1.0], turn @ [1.0, 0.0, 0.0], turn @ [0.0, 1.0, 0.0])
 
 
@@ -205,16 +189,10 @@ def facet_normals(sensor: Sensor) -> Floats:
                      for f in sensor.facets])  # fmt: skip
 
 
-def mirror_rotation(states: Floats) -> Floats:
-    """Rotations of the mirror (n, 3, 3) at states (n, 8)."""
-    x, y, z = (rotation_about(axis, states[:, 3 + axis]) for axis in range(3))
-    return z @ y @ x
-
-
 def facet_of(sensor: Sensor, bench: RayBench, states: Floats, k: int) -> RayFacet:
     normals, beam = facet_normals(sensor), RayBeam.from_sensor(sensor)
     both = edges_of(normals)[[k, (k + 1) % 3]]
-    return RayFacet(sensor, bench, beam, states, mirror_rotation(states), normals[k], both, k)
+    return RayFacet(sensor, bench, beam, states, rotation(*states[:, 3:6].T), normals[k], both, k)
 
 
 def spots(sensor: Sensor, bench: RayBench, state: Floats) -> Floats:

@@ -13,8 +13,10 @@ import numpy as np
 
 from ..core.units import Floats
 
+Angle = Floats | float
 
-def rotation(roll: Floats, pitch: Floats, yaw: Floats) -> Floats:
+
+def rotation(roll: Angle, pitch: Angle, yaw: Angle) -> Floats:
     """The rotation Rz(yaw) Ry(pitch) Rx(roll), (..., 3, 3)."""
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))
     rows = [
@@ -34,9 +36,7 @@ class RayModel:
     def __init__(self, p: tuple[float, ...], nodes: int = 12) -> None:
         self.rule = np.polynomial.legendre.leggauss(nodes)
         self.power = p[0]
-        none = np.zeros(())
-        tilt = rotation(np.array(p[4]), np.array(p[5]), none)
-        spin = rotation(none, none, np.array(p[3]))
+        tilt, spin = rotation(p[4], p[5], 0.0), rotation(0.0, 0.0, p[3])
         self.frame = (tilt @ spin)[:, :2].T
         self.sigma = np.array([p[1], p[2]]) / 4
         self.down = -tilt[:, 2]

@@ -12,6 +12,7 @@ from dataclasses import replace
 from .yaml_positions import Marked, Path_, dotted_path
 
 Misses = Callable[[Marked], float]
+SENSOR: Path_ = ("sensor",)
 
 
 def message(tree: Marked, paths: Sequence[Path_], reason: str) -> str:
@@ -54,14 +55,14 @@ def _remove_key(mark: Marked, path: Path_) -> Marked:
     return replace(mark, value=inside)
 
 
-def culprits(tree: Marked, block: Path_, misses: Misses) -> list[Path_]:
-    """The keys of a block that make it fail.
+def culprits(tree: Marked, misses: Misses) -> list[Path_]:
+    """The keys of the sensor that make it fail.
 
     misses: measures the failure of a tree; up to 1 where it does not fail. The result is one key of
     the user's own file if that suffices, else the fewest of that file, else the fewest of all
     files.
     """
-    every = [(path, mark) for path, mark in leaves(tree.find(block)[0], block) if path]
+    every = list(leaves(tree.find(SENSOR)[0], SENSOR))
     of_file = [path for path, mark in every if mark.file == tree.file]
     for some in (of_file, [path for path, _ in every]):
         alone = [(misses(remove_keys(tree, [path])), n) for n, path in enumerate(some)]
@@ -69,7 +70,7 @@ def culprits(tree: Marked, block: Path_, misses: Misses) -> list[Path_]:
             return [some[min(alone)[1]]]
         if some and misses(remove_keys(tree, some)) <= 1:
             return smallest_set(tree, some, misses)
-    return of_file[:1] or [block]
+    return of_file[:1] or [SENSOR]
 
 
 def smallest_set(tree: Marked, paths: list[Path_], misses: Misses) -> list[Path_]:

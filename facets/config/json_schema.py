@@ -164,9 +164,9 @@ def _range_in_words(node: Node) -> str:
     return low + ("," if low and high else "") + high
 
 
-def key_names(path: Path_, plain: Any = None) -> list[str]:
+def key_names(path: Path_) -> list[str]:
     """The keys that a block may hold."""
-    node = entry(path, plain) or {}
+    node = entry(path) or {}
     return list(node.get("properties", {}))
 
 

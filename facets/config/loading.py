@@ -111,7 +111,7 @@ def _sensor_problems(tree: Marked, keys: dict[str, Any]) -> list[str]:
     """
     if not (complaint := _complaint(keys)):
         return []
-    paths = culprits(tree, ("sensor",), _worst_miss)
+    paths = culprits(tree, _worst_miss)
     got = quote_value(tree.find(paths[0])[0].plain())
     return [message(tree, paths, f"{complaint} (got {got})")]
 
