@@ -95,11 +95,24 @@ def write_results(settings: Config, verdict: Verdict, paths: CalibrationFiles) -
             make = pictures.calibration.residual_picture
             draw_beside(picture, make, verdict.fitted, verdict.fit, verdict.errors)
             if (page := paths.report) is not None:
-                write, results = pictures.calibration_certificate.write_report, [trial, matrix]
-                described = (settings, calibrated, verdict, page, paths.sources, results)
-                draw_beside(page, write, *described)
+                files_of_page = (page, paths.sources, [trial, matrix])
+                draw_beside(page, write_page, settings, calibrated, verdict, files_of_page)
     written = [*paths.results[1:], *filter(None, [paths.report])]
     typer.echo(", ".join([str(path), *(file.name for file in written if file.exists())]))
+
+
+def write_page(
+    settings: Config,
+    calibrated: Config,
+    verdict: Verdict,
+    page: tuple[Path, list[Path], list[Path]],
+) -> None:
+    """Write the certificate.  page: it, and the files read and written."""
+    assert verdict.fit is not None
+    assert verdict.errors is not None
+    drawing = pictures.calibration.residual_drawing(verdict.fitted, verdict.fit, verdict.errors)
+    certificate = pictures.calibration_certificate
+    certificate.write_report(settings, calibrated, verdict, drawing, certificate.ReportFiles(*page))
 
 
 def calibration_keys(sensor: Sensor, covariance: Path) -> dict[str, Any]:

@@ -148,7 +148,7 @@ CASES: list[Fault] = [
          change_profile(lambda x, y: of_mode(x, y) * of_ghost(x, y) * of_fringes(x, y))
          | add_each("beam", [1e-4] * 2, white)),
     case("light", "beam cut at 1.5 radii",
-         change_profile(lambda x, y: (np.hypot(x, y) < 3.0) * 1.0), "aperture"),
+         change_profile(lambda x, y: (np.hypot(x, y) < 3.0) * 1.0), "profile is not Gaussian"),
     case("facets", "dust on facet B", dust(1, 0.05, 1.0, 0.14, 0.5), "dust"),
     case("electronics", "12 bits", edit("readings", PLACES, round_to(13 / 4096))),
     case("reference", "Abbe offset of 3 mm", error_matrix(

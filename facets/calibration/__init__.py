@@ -6,6 +6,7 @@ if TYPE_CHECKING:
     from . import (
         alternatives as alternatives,
         fitting as fitting,
+        halves as halves,
         motions as motions,
         reference_join as reference_join,
         rezero as rezero,
@@ -20,12 +21,14 @@ else:
             "alternatives": "faults scatter",
             "fitting": "fit unknowns",
             "fitting.bundle_adjustment": (
-                "Data OWN_COUNT OWN_UNITS eliminate_own_unknowns "
+                "Data Moves OWN_COUNT OWN_UNITS eliminate_own_unknowns "
                 "linearise_model own_sigma predict_readings states_of"
             ),
-            "fitting.fit": "GAINS LOWER_BOUNDS_MM Task prior_information",
+            "fitting.fit": "GAINS LOWER_BOUNDS_MM Descent Task prior_information",
             "alternatives.scatter": "fit_steady_laser",
+            "alternatives.remainder": "Remainder",
             "findings": "later_power",
+            "halves": "compare_halves half_findings",
             "motions": (
                 "choose_poses information mean_reduction nearest_order pose_information travel "
                 "weak_directions"

@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 Sigmas = dict[str, float]
 #: Effects of light that belong to the mirror's facets.
 OF_FACETS = ("diffraction", "rolloff", "strips", "tip", "coating")
-#: The unknowns of an effect and their prior standard uncertainties, for a sensor, samples and
-#: settings; empty where these do not allow the effect.
-Unknowns = Callable[[Sensor, Data, "Calibrate"], Sigmas]
+#: The unknowns of an effect and their prior standard uncertainties, for a sensor and samples; empty
+#: where these do not allow the effect.
+Unknowns = Callable[[Sensor, Data], Sigmas]
 
 
-def no_unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
+def no_unknowns(sensor: Sensor, data: Data) -> Sigmas:
     return {}
 
 
@@ -44,10 +44,13 @@ class Effect(Alternative):
     not worth a line.  beam: standard deviation of the beam's position from sample to sample, mm.
     of_light: whether it needs the model of real light.  coated: whether it needs a coating in the
     sensor.  tried_last: whether a trial is so expensive that it waits until all others are decided.
-    rivals: name of a group of effects that look alike: the one that explains most comes first.
+    rivals: name of a group of effects that look alike, of which the first of
+    those that explain most is taken.  before: the key of `calibrate.before` by which every fit has
+    its unknowns.
     """
 
     unknowns: Unknowns = no_unknowns
+    before: str = ""
     missing: str = ""
     beam: float = 0.0
     of_light: bool = False
@@ -84,15 +87,17 @@ SIGMAS = {
 }  # fmt: skip
 
 
-def bend_unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
-    return {} if "bend_um" in settings.before else bends_of_all()
-
-
 def bends_of_all() -> Sigmas:
     return {name: size for k in DETECTORS for name, size in bends(k, SIGMAS["bend"]).items()}
 
 
-def spline_unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
+def open_bends(settings: Calibrate) -> Sigmas:
+    """The bends of the detectors that a calibration may leave open."""
+    is_known = settings.effects.get("bend") == "off" or "bend_um" in settings.before
+    return {} if is_known else bends_of_all()
+
+
+def spline_unknowns(sensor: Sensor, data: Data) -> Sigmas:
     if any(psd.correction.grid for psd in sensor.psds):  # a table in the configuration stays
         return {}
     return bends_of_all() | dict.fromkeys(SPLINE, SIGMAS["spline"])
@@ -101,26 +106,26 @@ def spline_unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
 def motion_unknowns(sigma: Sigmas) -> Unknowns:
     """Unknowns that only a motion with known velocities determines."""
 
-    def unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
+    def unknowns(sensor: Sensor, data: Data) -> Sigmas:
         return {} if data.velocity is None else sigma
 
     return unknowns
 
 
-def backlash_unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
+def backlash_unknowns(sensor: Sensor, data: Data) -> Sigmas:
     """The unknowns of a backlash, of the axes that the reference measures."""
-    if data.approach is None or not data.approach.any():
+    if data.moves is None or not data.moves.approach.any():
         return {}
     measured = np.isfinite(data.sigma)
     sizes = [SIGMAS["play"]] * 3 + [SIGMAS["play_angle"]] * 3
     return {name: sizes[n] for n, name in enumerate(BACKLASH) if measured[n]}
 
 
-def lag_unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
+def lag_unknowns(sensor: Sensor, data: Data) -> Sigmas:
     """The unknowns of a lag; none in a motion that is followed in time, where a lag is a delay."""
     if data.velocity is not None:
         return {}
-    axes = (name.partition(".")[2] for name in backlash_unknowns(sensor, data, settings))
+    axes = (name.partition(".")[2] for name in backlash_unknowns(sensor, data))
     return {f"lag.{axis}": SIGMAS["lag"] for axis in axes}
 
 
@@ -128,7 +133,7 @@ def drift_unknowns(*causes: str) -> Unknowns:
     """Unknowns of a drift.  causes: names out of `CLOCKS`, all of which must change."""
     columns = [CLOCKS.index(cause) for cause in causes]
 
-    def unknowns(sensor: Sensor, data: Data, settings: Calibrate) -> Sigmas:
+    def unknowns(sensor: Sensor, data: Data) -> Sigmas:
         if data.clock is None or not np.ptp(data.clock[:, columns], axis=0).all():
             return {}
         return {f"{cause}.{what}": SIGMAS["drift"] for cause in causes for what in OF_DRIFT}
@@ -137,7 +142,7 @@ def drift_unknowns(*causes: str) -> Unknowns:
 
 
 def fixed_unknowns(sigma: Sigmas) -> Unknowns:
-    return lambda sensor, data, settings: sigma
+    return lambda sensor, data: sigma
 
 
 EVERY_EFFECT = (
@@ -148,7 +153,7 @@ EVERY_EFFECT = (
         for key, (_, words) in LIGHT_CANDIDATES.items()
     ),
     Effect("bend", "detectors", "detectors bent in second and third order",
-           unknowns=bend_unknowns),
+           unknowns=fixed_unknowns(bends_of_all()), before="bend_um"),
     Effect("spline", "detectors", "detectors bent beyond third order", unknowns=spline_unknowns,
            tried_last=True),
     Effect("delay", "time", "a reference that is late or early",
@@ -161,13 +166,13 @@ EVERY_EFFECT = (
            rivals="step"),
     Effect("lag", "reference", "a mirror that lags by a share of its last step",
            unknowns=lag_unknowns, rivals="step"),
-    Effect("time_drift", "environment", "a beam, detectors drifting with time",
-           unknowns=drift_unknowns("time"), missing="no time_s", rivals="drift"),
     Effect("temperature_drift", "environment", "a beam, detectors drifting with heat",
            unknowns=drift_unknowns("temperature"), missing="no temperature_c", rivals="drift"),
     Effect("temperature_lag", "environment",
            "a beam, detectors following the temperature late or early",
-           unknowns=drift_unknowns(*CLOCKS[1:]), rivals="drift"),
+           unknowns=drift_unknowns("past"), rivals="drift"),
+    Effect("time_drift", "environment", "a beam, detectors drifting with time",
+           unknowns=drift_unknowns("time"), missing="no time_s", rivals="drift"),
     Effect("beam_moves", "light", "a beam that moves from sample to sample", beam=SIGMAS["beam"]),
 )  # fmt: skip
 
@@ -175,16 +180,24 @@ EVERY_EFFECT = (
 def candidates(sensor: Sensor, data: Data, settings: Calibrate) -> list[Candidate]:
     """The effects that sensor, table and settings allow."""
     allowed = []
-    for effect in EVERY_EFFECT:
-        if is_off(effect, settings) or (effect.of_light and sensor.apertures.cut):
+    for effect in effects_in_use(settings):
+        if effect.of_light and sensor.apertures.cut:
             continue  # the model has real light or cut light, not both
-        sigma = effect.unknowns(sensor, data, settings)
+        sigma = effect.unknowns(sensor, data)
         if sigma or effect.beam:
             allowed.append(Candidate(effect, sigma))
     return allowed
 
 
+def effects_in_use(settings: Calibrate) -> list[Effect]:
+    """The effects that are not off."""
+    return [effect for effect in EVERY_EFFECT if not is_off(effect, settings)]
+
+
 def is_off(effect: Effect, settings: Calibrate) -> bool:
+    """Whether an effect is not wanted, or has its unknowns in every fit."""
+    if effect.before in settings.before:
+        return True
     return settings.effects.get(effect.key, "auto") == "off"
 
 
@@ -193,8 +206,8 @@ def effects_without_columns(every: list[Candidate], settings: Calibrate) -> list
     possible = {candidate.key for candidate in every}
     return [
         effect
-        for effect in EVERY_EFFECT
-        if effect.missing and effect.key not in possible and not is_off(effect, settings)
+        for effect in effects_in_use(settings)
+        if effect.missing and effect.key not in possible
     ]
 
 

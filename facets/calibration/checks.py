@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.names import ANGLES, DETECTORS, KINDS, POSE
 from ..core.sensor import Sensor
-from ..core.units import Floats
+from ..core.units import Booleans, Floats
 from ..detectors.correction import correct
 from ..detectors.temperature import PLACES
 from ..model.arrays import edge_distance, half_sizes, is_near_edge, readings
@@ -85,10 +85,9 @@ def spans(values: Floats) -> Floats:
 
 def stuck_channels(sensor: Sensor, data: Data) -> list[Finding]:
     """Findings on channels that do not follow the motion."""
-    state = states_of(data, np.zeros((len(data.raw), OWN_COUNT)), values_of(sensor))
     with np.errstate(invalid="ignore"), catch_warnings():
         simplefilter("ignore")  # a motion in wrong units may leave no reading at all
-        asked = np.nanstd(remove_jumps(readings(sensor, state)), axis=0)
+        asked = np.nanstd(remove_jumps(expected_readings(sensor, data)), axis=0)
         moved = np.nanstd(remove_jumps(correct(sensor, data.raw)), axis=0)
         noise = np.nanmedian(deviations(sensor, data), axis=0)
     still = np.flatnonzero((moved < STUCK_SHARE * asked) & (asked > MOVED_SIGMAS * noise)).tolist()
@@ -102,6 +101,12 @@ def stuck_channels(sensor: Sensor, data: Data) -> list[Finding]:
         ))
         for n in still
     ]  # fmt: skip
+
+
+def expected_readings(sensor: Sensor, data: Data) -> Floats:
+    """The readings (n, 9) that the motion asks of a sensor as it is configured."""
+    still = np.zeros((len(data.raw), OWN_COUNT))
+    return readings(sensor, states_of(data, still, values_of(sensor)))
 
 
 def mixed_kinds(data: Data) -> list[Finding]:
@@ -286,6 +291,17 @@ def written_step(values: Floats) -> float:
     return float(apart.min()) if (np.abs(times - np.round(times)) < EVEN_STEPS).all() else 0.0
 
 
+def edge_finding(near: Booleans, letter: str, distance: float) -> Finding:
+    """The finding on samples (n,) whose spots come near the edge of a detector."""
+    return Finding(False, (
+        f"In {int(near.sum())} of {len(near)} samples the spot on detector {letter.upper()} comes "
+        f"nearer than {distance:.2g} mm to the edge of the sensitive area, where light is lost; "
+        "its readings there are excluded, and in the result out of range "
+        f"(sensor.psd.{letter}.usable_mm). Keep spots {max(CLEAR_DISTANCE_MM, distance):.2g} mm "
+        "from the edges, or set sensor.apertures.detectors."
+    ))  # fmt: skip
+
+
 def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Sensor, Data, list[Finding]]:
     """Exclude the readings of a detector whose spot lies over the edge of its sensitive area.
 
@@ -304,14 +320,7 @@ def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Sensor, Data, lis
         raw[near, 3 * k : 3 * k + 3] = np.nan
         for axis, half in enumerate((half_sizes(sensor)[k] - distance).tolist()):
             psds[k] = psds[k].limit(axis, -half, half)
-        findings.append(Finding(False, (
-            f"In {int(near.sum())} of {len(raw)} samples the spot on detector "
-            f"{DETECTORS[k].upper()} comes nearer than {distance:.2g} mm to the edge of the "
-            "sensitive area, where light is lost; its readings there are excluded, and in the "
-            f"result out of range (sensor.psd.{DETECTORS[k]}.usable_mm). Keep spots "
-            f"{max(CLEAR_DISTANCE_MM, distance):.2g} mm from the edges, or set "
-            "sensor.apertures.detectors."
-        )))  # fmt: skip
+        findings.append(edge_finding(near, DETECTORS[k], distance))
     there = np.asarray(np.isfinite(raw).any(axis=1))
     sensor = replace(sensor, psds=(psds[0], psds[1], psds[2]))
     return sensor, (data._replace(raw=raw).part(there) if findings else data), findings

@@ -20,6 +20,7 @@ from ..core.sensor import Sensor
 from ..core.settings import Solve
 from ..core.units import Booleans, Floats
 from ..detectors import temperature
+from ..detectors.calibrated import TEMPERATURE
 from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations
 from ..estimation.plan import make_plan
@@ -35,7 +36,7 @@ from .alternatives.alternative import (
 from .alternatives.entries import BY_KEY
 from .alternatives.faults import LEAST_STRAY
 from .alternatives.judge import Cause, rivals_of_shape
-from .alternatives.remainder import Remainder
+from .alternatives.remainder import Remainder, rise_without
 from .alternatives.scatter import (
     CLOCK,
     DETECTOR_SCATTER,
@@ -51,14 +52,12 @@ from .alternatives.scatter import (
 )
 from .fitting.bundle_adjustment import CLEAR_SIGMAS, Data, relative_power
 from .fitting.fit import Fit
-from .fitting.samples import MOST_OUTLIER_SHARE, row_numbers
+from .fitting.samples import ALIKE, MOST_OUTLIER_SHARE, row_numbers, warms_with_time
 from .fitting.unknowns import BACKLASH, DELAY, LAG, PAST, PLACE, TIME_DRIFT
 from .table import unit_of
 
 #: The share of samples with an outlier in one and the same place from which on these are no spikes.
 ONE_PLACE_SHARE = 0.03
-#: The correlation from which on two courses look the same.
-ALIKE = 0.95
 #: The residuals' spread, over the noise, beyond which nothing may be built on a fit.
 WORST_SIGMAS = 3.0
 
@@ -116,12 +115,13 @@ def effect_findings(remainder: Remainder, least: float) -> list[Finding]:
     every = []
     for series, make in (
         (BACKLASH, backlash_finding), (LAG, lag_finding), (PAST, heat_lag_finding),
+        (TEMPERATURE, partial(warming_finding, data=remainder.data)),
         (TIME_DRIFT, drift_finding),
         (PROFILE, partial(profile_finding, remainder=remainder)),
         ((DELAY,), partial(delay_finding, data=remainder.data)),
     ):  # fmt: skip
         names = [name for name in result.choice.names if name in series]
-        if names and remainder.rise_without(names) > least:
+        if names and rise_without(remainder, names) > least:
             every.append(make(result))
     return [finding for finding in every if finding]
 
@@ -325,15 +325,15 @@ def delay_finding(result: Fit, data: Data) -> Finding | None:
 
 def steps_follow_speed(data: Data) -> bool:
     """Whether the reference's last steps are its speed times a constant."""
-    if data.step is None or data.velocity is None:
+    if data.moves is None or data.velocity is None:
         return False
-    size = np.linalg.norm(data.velocity) * np.linalg.norm(data.step)
-    return bool((data.velocity * data.step).sum() > ALIKE * size)
+    size = np.linalg.norm(data.velocity) * np.linalg.norm(data.moves.last)
+    return bool((data.velocity * data.moves.last).sum() > ALIKE * size)
 
 
 def heat_lag_finding(result: Fit) -> Finding | None:
     """A finding on a head that follows the temperature late, if that was fitted."""
-    values = clear_values(result, PAST, 0.0).values()
+    values = clear_values(result, PAST).values()
     if not values:
         return None
     return Finding(False, (
@@ -342,6 +342,18 @@ def heat_lag_finding(result: Fit) -> Finding | None:
         "steady temperature does: measure at steady temperatures, or put the thermometer on the "
         "head."
     ), ("temperature_lag",))  # fmt: skip
+
+
+def warming_finding(result: Fit, data: Data) -> Finding | None:
+    """A finding on a temperature that cannot be told from a drift, if that was fitted."""
+    values = clear_values(result, TEMPERATURE).values()
+    if not values or not warms_with_time(data):
+        return None
+    return Finding(False, (
+        "temperature_c goes with the time through the whole run: what follows it (by up to "
+        f"{1e3 * max(values):.2g} um/K) cannot be told from a drift, and the stated uncertainty "
+        "includes that it was one. Calibrate while the temperature goes up and down."
+    ), ("temperature_drift",))  # fmt: skip
 
 
 #: Unknowns of a beam's profile.
@@ -534,15 +546,7 @@ def common_of_outliers(
             "something stood in the light.", "outlier_rows",
         )  # fmt: skip
     if side := shaded_side(result.sensor, data, excluded):
-        n, sign, least = side
-        letter = DETECTORS[n // 3]
-        return (
-            f". They are all where {KINDS[n % 3]} of detector {letter.upper()} is "
-            f"{'over' if sign > 0 else 'under'} {sign * least:.2g} mm: something may stand in the "
-            "light there; look at that detector's housing and window. In the result, spots there "
-            f"and half a beam's diameter before are out of range (sensor.psd.{letter}.usable_mm).",
-            SHADED,
-        )  # fmt: skip
+        return describe_shade(*side), SHADED
     place = erring_column(sensor, data.part(excluded), result)
     if place is None:
         return ": look at cables, dust, shutters and the reference there.", "outliers"
@@ -554,6 +558,17 @@ def common_of_outliers(
     return (
         f". In most of them {place} errs: look at that detector's cable, and at the digits.",
         "reading_outliers",
+    )
+
+
+def describe_shade(n: int, sign: int, least: float) -> str:
+    """Where samples are that something shades; see `shaded_side`."""
+    letter = DETECTORS[n // 3]
+    return (
+        f". They are all where {KINDS[n % 3]} of detector {letter.upper()} is "
+        f"{'over' if sign > 0 else 'under'} {sign * least:.2g} mm: something may stand in the "
+        "light there; look at that detector's housing and window. In the result, spots there "
+        f"and half a beam's diameter before are out of range (sensor.psd.{letter}.usable_mm)."
     )
 
 

@@ -73,11 +73,10 @@ def weak_directions(
     weak = []
     for words, pattern in patterns(sensor).items():
         scaled = pattern[choice.places] / choice.sigma
-        whole, inside = np.linalg.norm(scaled), np.linalg.norm(space.T @ scaled)
-        told = float(scaled @ matrix @ scaled / whole**2) if whole > 0 else np.inf
-        if told < limit and inside > NAMED_SHARE * whole:
-            weak.append(Direction(max(told, 0.0), words))
-            space = remove_direction(space, scaled / whole)
+        told = information_along(matrix, scaled)
+        if told < limit and np.linalg.norm(space.T @ scaled) > NAMED_SHARE * np.linalg.norm(scaled):
+            weak.append(Direction(told, words))
+            space = remove_direction(space, scaled / np.linalg.norm(scaled))
     small = space.T @ matrix @ space
     values, turned = np.linalg.eigh(small)
     rest = (space @ turned).T
@@ -86,6 +85,12 @@ def weak_directions(
         for told, direction in zip(values, rest, strict=True)
     ]
     return sorted(weak)
+
+
+def information_along(matrix: Floats, direction: Floats) -> float:
+    """The information along a direction; infinite where that is none."""
+    square = float(direction @ direction)
+    return max(float(direction @ matrix @ direction) / square, 0.0) if square else np.inf
 
 
 def conventions(sensor: Sensor, choice: Choice) -> list[Floats]:

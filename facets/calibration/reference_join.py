@@ -152,14 +152,7 @@ def check_overlap(readings: Path, time: Floats, reference: Path, track: Track) -
 def find_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tuple[float, float]:
     """The offset at which the reference's motion agrees best with the solved poses, and their
     likeness."""
-    time = columns["time_s"]
-    some = np.unique(np.linspace(0, len(time) - 1, min(len(time), 3000)).astype(np.int64))
-    raw = np.column_stack([columns[name][some] for name in READING_COLUMNS])
-    pose = solve(
-        sensor, correct(sensor, raw), beam="known", power="unknown", covariance=False
-    ).state[:, :6]
-    pose = remove_jumps(pose)
-    time = time[some]
+    time, pose = some_poses(sensor, columns)
     shared = min(np.nanmax(time), track.time[-1]) - max(np.nanmin(time), track.time[0])
     width = min(OFFSET_SHARE * shared, LARGEST_OFFSET_S)
     tried = np.linspace(-width, width, OFFSET_COUNT)
@@ -169,6 +162,15 @@ def find_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tup
         tried = best + np.linspace(-2, 2, 41) * (tried[1] - tried[0])
     mark = float(marks.max())
     return (best, mark) if mark > LEAST_LIKENESS else (0.0, mark)
+
+
+def some_poses(sensor: Sensor, columns: dict[str, Floats]) -> tuple[Floats, Floats]:
+    """Times (n,) and poses (n, 6) of some of the readings."""
+    time = columns["time_s"]
+    some = np.unique(np.linspace(0, len(time) - 1, min(len(time), 3000)).astype(np.int64))
+    raw = np.column_stack([columns[name][some] for name in READING_COLUMNS])
+    solved = solve(sensor, correct(sensor, raw), beam="known", power="unknown", covariance=False)
+    return time[some], remove_jumps(solved.state[:, :6])
 
 
 def likeness(time: Floats, pose: Floats, track: Track, offset: float) -> float:

@@ -30,7 +30,6 @@ from ..core.names import (
     FINE_UNITS,
     POSE,
     READING_COLUMNS,
-    STATE_UNITS,
     TEMPERATURE_COLUMN,
 )
 from ..core.sensor import Calibration, Sensor
@@ -40,7 +39,7 @@ from ..detectors.calibrated import LIGHT_CENTRE
 from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations
 from ..detectors.temperature import beam_shift, exact_readings, warmer_than_reference
-from ..estimation.dwells import dwell_means, mean
+from ..estimation.dwells import mean
 from ..estimation.solution import Status
 from ..estimation.solver import solve
 from ..estimation.uncertainty import parameter_derivatives
@@ -48,11 +47,11 @@ from ..model.arrays import jacobian, readings
 from ..model.beam_shape import SHAPE, shape_of
 from .alternatives.alternative import APART_CHANCE, Alternative, chance_of, log_chance
 from .alternatives.entries import BY_KEY, lengths
-from .alternatives.remainder import falls_of
+from .alternatives.score import falls_of
 from .fitting.bundle_adjustment import Data
 from .fitting.fit import GAINS
 from .fitting.samples import add_converter_steps
-from .table import REFERENCE, whole_table
+from .table import REFERENCE, stands_of, whole_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -242,8 +241,7 @@ def read_stops(path: Path, settings: Config, dwells: bool) -> StopReadings:
     columns = whole_table(path, needed, ())
     if not dwells:
         return average_stop(sensor, columns, str(path))
-    pose = np.column_stack([columns[REFERENCE[n]] * STATE_UNITS[n] for n in measured])
-    stands = dwell_means(columns, pose, np.array(reference)[measured])
+    stands = stands_of(columns, reference)
     means = np.column_stack([stands.columns[name] for name in READING_COLUMNS])
     if not len(means) or not np.isfinite(means).all():
         raise InputError(
@@ -468,11 +466,7 @@ class StopComparison:
     ) -> list[tuple[Alternative, str]]:
         """What else would explain the residuals: a motion of the mirror along one axis, or a
         detector that moved; see `remainder`."""
-        moved = jacobian(self.sensor, self.states)[:, :, :6].reshape(-1, 6)
-        tried = [(SEAT, [n], moved[:, [n]]) for n in range(6)]
-        for k, letter in enumerate(DETECTORS):
-            place = np.tile(np.eye(9)[:, 3 * k : 3 * k + 2], (len(self.states), 1))
-            tried.append((BY_KEY[f"detector_{letter}.jumped"], [0, 1], place))
+        tried = what_moves(jacobian(self.sensor, self.states))
         scores = []
         for alternative, axes, columns in tried:
             whole, square = (columns.T @ part @ columns for part in (weights, beside))
@@ -485,6 +479,17 @@ class StopComparison:
         scores.sort(key=lambda score: score[0])
         limit = min(np.log(LEAST_CHANCE), scores[0][0] + np.log(APART_CHANCE))
         return [(alternative, size) for chance, alternative, size in scores if chance < limit]
+
+
+def what_moves(slopes: Floats) -> list[tuple[Alternative, list[int], Floats]]:
+    """What may stand elsewhere at stops, with the axes of its amounts and its columns (9 m, q), of
+    the derivatives (m, 9, 8) of the readings by the mirror's states."""
+    moved = slopes[:, :, :6].reshape(-1, 6)
+    tried = [(SEAT, [n], moved[:, [n]]) for n in range(6)]
+    for k, letter in enumerate(DETECTORS):
+        place = np.tile(np.eye(9)[:, 3 * k : 3 * k + 2], (len(slopes), 1))
+        tried.append((BY_KEY[f"detector_{letter}.jumped"], [0, 1], place))
+    return tried
 
 
 #: The mirror stands elsewhere at the stop.

@@ -22,7 +22,7 @@ import numpy as np
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import EFFECTS
-from .alternatives.alternative import chance_of
+from .alternatives.alternative import WORTH_MORE, chance_of
 from .alternatives.scatter import (
     BEAM_SCATTER,
     NO_SCATTER,
@@ -132,6 +132,14 @@ def values_for(sensor: Sensor, result: Fit) -> Floats:
     return every
 
 
+def start_values(sensor: Sensor, result: Fit, wider: Choice) -> Floats:
+    """The values of a fit, with which one to a wider choice begins."""
+    every = values_for(sensor, result)
+    if ROLLOFF_WIDTH in wider.names and not every[PLACE[ROLLOFF_WIDTH]]:
+        every[PLACE[ROLLOFF_WIDTH]] = ROLLOFF_WIDTH_START_MM
+    return every
+
+
 class Prediction(NamedTuple):
     """Chi-square after a linear step, of the samples in the fit and of those left out of it."""
 
@@ -185,19 +193,24 @@ def rank_candidates(
         best = max(good, key=lambda n: tried[n].fall / max(tried[n].unknowns, 1) ** 0.5)
         if group := remaining[best].effect.rivals:
             rivals = [n for n in good if remaining[n].effect.rivals == group]
-            best = max(rivals, key=lambda n: tried[n].fall - 2 * tried[n].unknowns)  # Akaike
+            worth = {n: tried[n].fall - 2 * tried[n].unknowns for n in rivals}  # Akaike
+            best = next(n for n in rivals if worth[n] > max(worth.values()) - WORTH_MORE)
         decisions.append(tried[best])
         chosen, before = wider[best], after[best]
         del remaining[best]
     return decisions
 
 
+def coatings(sensor: Sensor) -> list[Sensor]:
+    """The coated sensors from whose polarisations a fit is begun."""
+    return list(dict.fromkeys(add_coating(sensor, turn) for turn in POLARISATIONS))
+
+
 def best_coating(
     sensor: Sensor, data: Data, result: Fit, wide: Choice
 ) -> tuple[Sensor, FoldEquations]:
     """The coated sensor whose polarisation promises the lowest chi-square, and its equations."""
-    coated = list(dict.fromkeys(add_coating(sensor, turn) for turn in POLARISATIONS))
-    tried = [(option, fold_equations(option, data, result, wide)) for option in coated]
+    tried = [(option, fold_equations(option, data, result, wide)) for option in coatings(sensor)]
     return min(tried, key=lambda option: predict(option[1], wide.names).fitted)
 
 
@@ -226,18 +239,18 @@ def decide(
     return row._replace(accepted=False, why=why)
 
 
-def add_cheap_candidates(sensor: Sensor, data: Data, settings: Calibrate, chosen: Choice) -> Choice:
+def add_cheap_candidates(every: list[Candidate], chosen: Choice) -> Choice:
     """Add all candidates except a coating, a spline and a moving beam to a choice."""
-    for candidate in candidates(sensor, data, settings):
+    for candidate in every:
         if not (candidate.effect.tried_last or candidate.effect.beam):
             chosen = add_candidate(chosen, candidate)
     return chosen
 
 
-def reachable_chi_square(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> float:
+def reachable_chi_square(sensor: Sensor, data: Data, plain: Fit, every: list[Candidate]) -> float:
     """Chi-square for each reading, or its cross-validated one if that is larger, that all
     candidates together would leave, as the linear model at the plain fit has it."""
-    wide = add_cheap_candidates(sensor, data, settings, plain.choice)
+    wide = add_cheap_candidates(every, plain.choice)
     after = predict(fold_equations(sensor, data, plain, wide), wide.names)
     return max(after) / max(float((plain.weights == 1).sum()), 1.0)
 
@@ -442,14 +455,22 @@ def add_candidates(
         wider = add_candidate(wider, candidate)
     if any(candidate.effect.coated for candidate in several):
         sensor, _ = best_coating(sensor, state.data, state.fit, wider)
-    every = values_for(sensor, state.fit)
-    if ROLLOFF_WIDTH in wider.names and not every[PLACE[ROLLOFF_WIDTH]]:
-        every[PLACE[ROLLOFF_WIDTH]] = ROLLOFF_WIDTH_START_MM
-    start = replace(state.fit, all_values=every)
+    start = replace(state.fit, all_values=start_values(sensor, state.fit, wider))
     better = fit(sensor, state.data, wider, state.settings.outliers, start,
                  INTERMEDIATE)  # fmt: skip
     fall = state.fit.loss - better.loss
     gains = chance_of(fall, max(sum(row.unknowns for row in rows), 1)) <= CHANCE
+    state = record_decisions(state, rows, fall, gains)
+    if gains or any(row.why == REQUESTED for row in rows):
+        return replace(state, sensor=sensor, fit=better)
+    return state
+
+
+def record_decisions(
+    state: SearchState, rows: list[Decision], fall: float, gains: bool
+) -> SearchState:
+    """The state after a fit with candidates, with the decisions on them.  gains: whether the fall
+    of chi-square is beyond chance."""
     decided, refused = dict(state.rows), set(state.refused)
     for row in rows:
         if gains or row.why == REQUESTED:
@@ -458,10 +479,7 @@ def add_candidates(
         else:
             refused.add(row.key)
             decided[row.key] = row._replace(fall=fall, accepted=False, why="gains nothing in a fit")
-    state = replace(state, rows=decided, refused=frozenset(refused))
-    if gains or any(row.why == REQUESTED for row in rows):
-        return replace(state, sensor=sensor, fit=better)
-    return state
+    return replace(state, rows=decided, refused=frozenset(refused))
 
 
 def use_true_noise(state: SearchState, data: Data) -> SearchState:

@@ -22,7 +22,7 @@ from ..core.names import (
 from ..core.sensor import MONOMIALS, Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import TEMPERATURE
-from ..estimation.dwells import FEWEST, WITHIN, dwell_means
+from ..estimation.dwells import FEWEST, WITHIN, Dwells, dwell_means
 from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
 from ..model.arrays import EFFECTS
@@ -69,12 +69,17 @@ def read(path: Path, settings: Calibrate) -> Data:
     Raises `InputError` if a column is missing for an axis whose uncertainty is given, or if the
     beam's position is an estimate.
     """
+    return gather_samples(path, read_columns(path, settings), settings)
+
+
+def read_columns(path: Path, settings: Calibrate) -> dict[str, Floats]:
+    """The columns of `read`."""
     beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
     needed = (*READING_COLUMNS, *(REFERENCE[n] for n in measured))
     optional = (*beside, *RUN, *(REFERENCE[n] for n in range(6) if n not in measured))
     try:
-        columns = whole_table(path, needed, optional)
+        return whole_table(path, needed, optional)
     except tables.MissingColumnsError as error:
         if set(error.names).isdisjoint(REFERENCE):
             raise
@@ -82,7 +87,6 @@ def read(path: Path, settings: Calibrate) -> Data:
             f"{error}. These are the reference's poses: write them beside the readings, or give "
             "their own table with --reference"
         ) from None
-    return gather_samples(path, columns, settings)
 
 
 def whole_table(
@@ -157,6 +161,7 @@ def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) 
         acceleration=acceleration,
         noise=None if noise is None else noise[good],
         clock=clock(columns, good),
+        pasts=pasts(columns, good),
         rows=None if rows is None else rows[good],
         number=np.flatnonzero(good) + 1,
         temperature=float(np.nanmean(columns[TEMPERATURE_COLUMN][good]))
@@ -173,9 +178,7 @@ def averaged_columns(
 
     Raises `InputError` where it does not stand still ten times.
     """
-    measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
-    pose = np.column_stack([columns[REFERENCE[n]] * STATE_UNITS[n] for n in measured])
-    stands = dwell_means(columns, pose, np.array(settings.reference)[measured])
+    stands = stands_of(columns, settings.reference)
     if len(stands.rows) < 10:
         raise InputError(
             f"{path}: the reference stands still {len(stands.rows)} times, for {FEWEST} rows or "
@@ -185,36 +188,52 @@ def averaged_columns(
     return stands.columns, stands.noise, stands.rows
 
 
+def stands_of(columns: dict[str, Floats], reference: Sequence[float]) -> Dwells:
+    """The times in which a reference of these uncertainties (6,) stands still."""
+    measured = [n for n in range(6) if np.isfinite(reference[n])]
+    pose = np.column_stack([columns[REFERENCE[n]] * STATE_UNITS[n] for n in measured])
+    return dwell_means(columns, pose, np.array(reference)[measured])
+
+
 def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
-    """The clock of the samples (n, 5), see `Data.clock`."""
+    """The clock of the samples (n, 3), see `Data.clock`."""
     if not any(name in columns for name in ("time_s", TEMPERATURE_COLUMN)):
         return None
     out = np.zeros((int(good.sum()), len(CLOCKS)))
     if "time_s" in columns:
-        time = columns["time_s"][good]
-        low, high = np.nanmin(time), np.nanmax(time)
-        out[:, 0] = (2 * time - low - high) / max(high - low, 1e-300)
+        out[:, 0] = half_runs(columns["time_s"][good])
     if TEMPERATURE_COLUMN in columns:
         temperature = columns[TEMPERATURE_COLUMN][good]
         out[:, 1] = temperature - np.nanmean(temperature)
-        if out[:, 0].any():
-            out[:, 2:] = measure_past(out[:, 0], out[:, 1])
     return np.nan_to_num(out)
+
+
+def half_runs(time: Floats) -> Floats:
+    """Times (n,) in half runs, from -1 to 1."""
+    low, high = np.nanmin(time), np.nanmax(time)
+    over: Floats = (2 * time - low - high) / max(high - low, 1e-300)
+    return over
 
 
 #: The share of a run over which the temperature's change is taken.
 CHANGE_SHARE = 0.05
-#: Time constants with which a head is taken to follow the temperature, in half runs: what follows
-#: it with another one is nearly a sum of these two.
-PAST_HALF_RUNS = np.array([0.2, 0.8])
+#: Time constants with which a head may follow the temperature, in half runs.
+PAST_HALF_RUNS = np.array([0.1, 0.2, 0.4, 0.8, 1.6])
 
 
-def measure_past(time: Floats, temperature: Floats) -> Floats:
-    """The difference (n, 3), K, between the temperature and a head that follows it late, by
-    `PAST_HALF_RUNS`, or that a thermometer follows late; the head begins in equilibrium."""
+def pasts(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
+    """By how much heads that follow the temperature late are warmer than it (n, 6), K, by
+    `PAST_HALF_RUNS`, and one that a thermometer follows late; None without a temperature.
+
+    A head begins in equilibrium. Without `time_s` the rows count as taken at equal times.
+    """
+    if TEMPERATURE_COLUMN not in columns:
+        return None
     from scipy.integrate import cumulative_trapezoid
     from scipy.ndimage import uniform_filter1d
 
+    temperature = columns[TEMPERATURE_COLUMN][good]
+    time = half_runs(columns.get("time_s", np.arange(len(good), dtype=float))[good])
     there = np.flatnonzero(np.isfinite(time) & np.isfinite(temperature))
     order = there[np.argsort(time[there], kind="stable")]
     at, warmer = time[order, None] / PAST_HALF_RUNS, temperature[order, None]

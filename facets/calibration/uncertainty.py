@@ -27,9 +27,9 @@ from ..estimation.solution import Solution
 from ..estimation.solver import solve
 from ..estimation.uncertainty import carry, coverage_factor, effective_degrees_of_freedom
 from ..model.arrays import EFFECTS, readings
-from .alternatives.columns import beam_sigma, chip_columns, effect_columns
+from .alternatives.columns import beam_sigma, chip_columns, effect_columns, shape_columns
 from .alternatives.judge import Cause, trace_in_use, unsaid_shift
-from .alternatives.remainder import Remainder
+from .alternatives.remainder import Remainder, second_moment
 from .alternatives.scatter import (
     PLACE_READINGS,
     POWERS,
@@ -37,7 +37,6 @@ from .alternatives.scatter import (
     covariance_factor,
     is_doubtful,
 )
-from .candidates import bend_unknowns
 from .checks import rounding
 from .findings import profile_size, residual_sizes
 from .fitting.bundle_adjustment import (
@@ -51,11 +50,10 @@ from .fitting.bundle_adjustment import (
     states_of,
 )
 from .fitting.fit import NORMAL_MEDIAN, Fit, Task, add_mean_power, sensor_covariance
-from .fitting.samples import PLACE_SIGMA_MM, model_accuracy
-from .fitting.unknowns import PLACE, TIME_DRIFT, block, fold_mount, spline_error, values_of
+from .fitting.samples import PLACE_SIGMA_MM, half_drift, model_accuracy
+from .fitting.unknowns import PLACE, fold_mount, spline_error, values_of
 
 if TYPE_CHECKING:
-    from ..core.calibrate import Calibrate
     from ..core.knowledge import Knowledge
 
 
@@ -66,18 +64,20 @@ def complete_uncertainty(
     scatter: Scatter,
     causes: list[Cause],
     centre: float,
-    settings: Calibrate,
+    bends: dict[str, float],
+    robust: float | None,
 ) -> Sensor:
     """The fitted sensor with all that its uncertainty has beside that of the fit.
 
-    read: the samples with the readings as they were.  centre: see `centre_sigma`.
+    read: the samples with the readings as they were.  centre: see `centre_sigma`.  bends: see
+    `add_open_bends`.
     """
     result, data = remainder.fit, remainder.data
     misfit = misfit_covariance(result, read, remainder.nominal, scatter, causes)
-    made = add_open_bends(sensor, remainder, settings)
-    centre = float(np.hypot(centre, beam_drift(result, causes)))
+    made = add_open_bends(sensor, remainder, bends, robust)
+    centre = float(np.hypot(centre, beam_drift(result, data, causes)))
     made = add_unseen_errors(made, result, data, misfit, centre)
-    made = add_shared_noise(made, remainder, scatter, settings.outliers)
+    made = add_shared_noise(made, remainder, scatter, robust)
     made = add_causes(made, remainder, causes)
     return add_background_scale(made, result, data)
 
@@ -109,13 +109,11 @@ def misfit_covariance(
         missed = sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1))
     spline = spline_error(sensor, data.raw, result.choice.names, result.covariance)
     drifted = np.zeros(9)
-    drifted[PLACE_READINGS] = result.all_values[block(TIME_DRIFT)][2:]
+    drifted[PLACE_READINGS] = half_drift(result, data)[2:]
     matrix: Floats = np.outer(drifted, drifted) + scattered * stated * stated[:, None]
     matrix += np.diag(missed**2 + spline**2 + rounding(sensor, data) ** 2)
     for cause in causes:
-        effect = np.nan_to_num(cause.lasting_effect * cause.remainder.noise)
-        effect /= np.sqrt(np.maximum(cause.remainder.is_read.sum(axis=0), 1))
-        matrix += effect.T @ effect
+        matrix += cause.lasting_misfit
     return matrix
 
 
@@ -130,36 +128,49 @@ CENTRE_PER_SHARE = 1.5
 ORDER_3_PER_SHARE = 1.45
 #: Area that may be broken off a facet's tip, square to the mirror's axis, mm^2, 1 sigma.
 CHIP_SIGMA_MM2 = 4e-4
+#: Share of each facet's light that may be lost by a term of second to fourth order in the beam's
+#: place over the motion's reach, as by dust or a chipped edge, 1 sigma.
+MAP_SIGMA = 2e-4
 
 
-def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> float:
+def centre_sigma(sensor: Sensor, remainder: Remainder, before: dict[str, float]) -> float:
     """Standard uncertainty of the light's middle in each direction, mm.
 
     The fit takes a small deviation from its cross-section, Gaussian or with the coefficients that
     it found, for another position of the apex; the residuals show little of it, and bound it: the
     uneven part of the profile, of third order, tells of a second beam. A chipped tip looks like
-    one, too. Light without any effect of a bench is taken to be Gaussian.
+    one, too. Light without any effect of a bench is taken to be Gaussian.  before:
+    see `calibrate.before`.
     """
     if not any(name in EFFECTS for name in remainder.fit.choice.names):
         return 0.0
-    share = settings.before.get("beam_profile_percent", 0.0) / 100
+    share = before.get("beam_profile_percent", 0.0) / 100
     if share:
         sigma = ORDER_3_PER_SHARE * share / 2  # each of four numbers
-        square = remainder.second_moment(effect_columns(remainder, "asymmetry"), sigma)
+        square = second_moment(remainder, effect_columns(remainder, "asymmetry"), sigma)
         share = float(np.sqrt(square)) / ORDER_3_PER_SHARE
     uneven = CENTRE_PER_SHARE * np.hypot(share, profile_size(remainder.fit, "asymmetry"))
-    return float(np.hypot(beam_sigma(sensor) * uneven, chip_shift(remainder)))
+    return float(np.hypot(beam_sigma(sensor) * uneven, lost_light_shift(remainder)))
 
 
-def chip_shift(remainder: Remainder) -> float:
-    """By how much, mm, pieces that are broken off the tip, each facet's another, and that the
-    samples leave possible, move the apex on the reference; r.m.s., the worse of x and y."""
-    chips = remainder.readable(chip_columns(remainder))
-    beside = remainder.extend(chips, CHIP_SIGMA_MM2**-2)
-    at = apex_places(remainder.fit)
-    moved = (beside.values - remainder.values)[at]
-    more = (np.diag(beside.covariance)[at] - np.diag(remainder.covariance)[at]).clip(0.0)
-    return float(np.sqrt((moved**2 + more).max(initial=0.0)))
+def lost_light_shift(remainder: Remainder) -> float:
+    """By how much, mm, light that is lost somewhere on the facets, and that the samples leave
+    possible, moves the apex on the reference; r.m.s., the worse of x and y: pieces that are broken
+    off the tip, each facet's another, and what changes with the beam's place as a smooth map."""
+    square = np.zeros(2)
+    for columns, sigma in (
+        (chip_columns(remainder), CHIP_SIGMA_MM2), (shape_columns(remainder), MAP_SIGMA)
+    ):  # fmt: skip
+        beside = remainder.extend(remainder.readable(columns), sigma**-2)
+        at = apex_places(remainder.fit)
+        moved = (beside.values - remainder.values)[at]
+        more = (np.diag(beside.covariance)[at] - np.diag(remainder.covariance)[at]).clip(0.0)
+        square[: len(at)] += moved**2 + more
+    return float(np.sqrt(square.max()))
+
+
+#: Of a straight line, over half its length: its distance from its end, r.m.s.
+FROM_END = 2 / np.sqrt(3)
 
 
 def apex_places(result: Fit) -> list[int]:
@@ -167,30 +178,33 @@ def apex_places(result: Fit) -> list[int]:
     return [n for n, name in enumerate(result.choice.names) if name in ("apex.x", "apex.y")]
 
 
-def beam_drift(result: Fit, causes: list[Cause]) -> float:
-    """How far, mm, the beam went during the run, the worse of x and y: in a straight line, and by
-    causes that move it."""
-    moved = [2 * result.all_values[block(TIME_DRIFT)][:2]]
+def beam_drift(result: Fit, data: Data, causes: list[Cause]) -> float:
+    """How far, mm, the beam was from where it ended, r.m.s. over the run, the worse of x and y: in
+    a straight line, and by causes that move it."""
+    square = (half_drift(result, data)[:2] * FROM_END) ** 2
     for cause in causes:
         if cause.best.key.startswith("beam."):
-            moved.append(cause.remainder.shift_of_unknowns(cause.best)[apex_places(result)])
-    return float(np.linalg.norm([np.abs(shift).max(initial=0.0) for shift in moved]))
+            rest = cause.remainder
+            way = np.linalg.pinv(rest.beam_columns) @ cause.best.effect[:, :, None]
+            square = square + (way[:, :, 0] ** 2).mean(axis=0)
+    return float(np.sqrt(square.max()))
 
 
-def add_open_bends(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> Sensor:
+def add_open_bends(
+    sensor: Sensor, remainder: Remainder, sigma: dict[str, float], robust: float | None
+) -> Sensor:
     """The calibrated sensor whose uncertainty includes bends of the detectors that the samples did
-    not call for, as far as they leave them possible: over places that no spot reached."""
+    not call for, as far as they leave them possible: over places that no spot reached.
+
+    sigma: their prior standard uncertainties.
+    """
     known, result = sensor.calibration, remainder.fit
     assert known is not None
     size = len(result.choice.names)
-    is_off = settings.effects.get("bend") == "off"
-    sigma = {} if is_off else bend_unknowns(sensor, remainder.data, settings)
     if not sigma.keys() - set(result.choice.names):
         return sensor
     wide = result.choice.add_unknowns(sigma)
-    bent = Remainder(
-        remainder.nominal, remainder.data, replace(result, choice=wide), settings.outliers
-    )
+    bent = Remainder(remainder.nominal, remainder.data, replace(result, choice=wide), robust)
     covariance = bent.covariance[:, size : len(wide.names)]
     of_bends = np.linalg.inv(covariance[size : len(wide.names)])
     added: Floats = np.asarray(covariance @ of_bends @ covariance.T, dtype=float)
@@ -200,8 +214,7 @@ def add_open_bends(sensor: Sensor, remainder: Remainder, settings: Calibrate) ->
     at = [names.index(name) for name in more.names]
     matrix = np.pad(np.array(known.covariance), (0, len(further)))
     matrix[np.ix_(at, at)] += more.covariance
-    joint = replace(known, names=names, covariance=tuple(map(tuple, matrix.tolist())))
-    return replace(sensor, calibration=joint)
+    return replace_covariance(sensor, names, matrix)
 
 
 def add_unseen_errors(
@@ -214,18 +227,28 @@ def add_unseen_errors(
 
     known = sensor.calibration
     assert known is not None
-    exact = np.zeros(9)
-    if any(name in EFFECTS for name in result.choice.names):
-        exact = model_accuracy(data, PLACE_SIGMA_MM)
+    exact = real_light_accuracy(result, data)
     unseen = block_diag(misfit, np.diag(exact**2), centre**2 * np.eye(2))
     more = np.flatnonzero(np.diag(unseen) > 0)
     names = np.array([*MISFIT, *MODEL_ERROR, *LIGHT_CENTRE])[more]
     fitted = covariance_factor(result) * np.array(known.covariance)
     matrix = block_diag(fitted, unseen[np.ix_(more, more)])
-    joint = replace(
-        known, names=(*known.names, *names.tolist()), covariance=tuple(map(tuple, matrix.tolist()))
-    )
-    return replace(sensor, calibration=joint)
+    return replace_covariance(sensor, (*known.names, *names.tolist()), matrix)
+
+
+def replace_covariance(sensor: Sensor, names: tuple[str, ...], matrix: Floats) -> Sensor:
+    """The calibrated sensor with another covariance, of these names."""
+    assert sensor.calibration is not None
+    whole = tuple(map(tuple, matrix.tolist()))
+    known = replace(sensor.calibration, names=names, covariance=whole)
+    return replace(sensor, calibration=known)
+
+
+def real_light_accuracy(result: Fit, data: Data) -> Floats:
+    """By how much (9,) the model of real light itself errs, mm and mW, where a fit has it."""
+    if any(name in EFFECTS for name in result.choice.names):
+        return model_accuracy(data, PLACE_SIGMA_MM)
+    return np.zeros(9)
 
 
 def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sensor:
@@ -236,27 +259,35 @@ def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sen
 
     remainder: of the fit to samples without the causes.
     """
-    result = remainder.fit
-    size = len(result.values)
-    traces = [
-        trace._replace(
-            columns=trace.columns * (cause.remainder.noise / remainder.noise)[:, :, None]
-        )
-        for cause in causes for trace in cause.traces
-    ]  # fmt: skip
-    beside = remainder.extend_by(traces)
-    unsaid = unsaid_shift(remainder)
+    result, unsaid = remainder.fit, unsaid_shift(remainder)
     extra = np.outer(unsaid, unsaid)
-    extra += beside.covariance[:size, :size] - remainder.covariance[:size, :size]
     for cause in causes:
-        rest = cause.remainder
-        undone = rest.shift_of_unknowns(cause.best)
-        for part, trace in zip(cause.alternatives, cause.traces, strict=True):
-            if not part.persists:
-                shift = rest.shift_of_unknowns(trace_in_use(rest, trace))
-                shift = shift if trace is cause.best else shift - undone
-                extra += np.outer(shift, shift)
+        extra += rivals_covariance(remainder, cause)
     return widen(sensor, result, extra)
+
+
+#: The chance that what is undone is another thing, which no alternative describes: unknown kinds
+#: are named wrongly once in ten times (the study `calibrations --faults unseen`).
+OTHER_CHANCE = 0.1
+
+
+def rivals_covariance(remainder: Remainder, cause: Cause) -> Floats:
+    """The covariance (p, p) of a fit's unknowns, beside that of the fit, of not knowing which of
+    the alternatives of a cause it is, and how large: each as likely as it is."""
+    rest, size = cause.remainder, len(remainder.fit.values)
+    undone, extra = rest.shift_of_unknowns(cause.best), np.zeros((size, size))
+    extra += OTHER_CHANCE * np.outer(undone, undone)
+    scale = (rest.noise / remainder.noise)[:, :, None]
+    for part, trace, chance in zip(cause.alternatives, cause.traces, cause.chances, strict=True):
+        beside = remainder.extend_by([trace._replace(columns=trace.columns * scale)])
+        extra += chance * (beside.covariance[:size, :size] - remainder.covariance)
+        if not part.persists:
+            used = trace_in_use(rest, trace)
+            moved = rest.shift_of_unknowns(used)
+            if used is trace or trace is not cause.best:
+                moved = moved - undone
+            extra += chance * np.outer(moved, moved)
+    return extra
 
 
 def widen(sensor: Sensor, result: Fit, extra: Floats) -> Sensor:
@@ -266,9 +297,7 @@ def widen(sensor: Sensor, result: Fit, extra: Floats) -> Sensor:
     part = np.array(sensor_covariance(names, result.all_values, extra).covariance)
     matrix = np.array(known.covariance)
     matrix[: len(part), : len(part)] += part
-    return replace(
-        sensor, calibration=replace(known, covariance=tuple(map(tuple, matrix.tolist())))
-    )
+    return replace_covariance(sensor, known.names, matrix)
 
 
 #: A change of the laser's power by which other light is not the same share of it, a share.

@@ -17,22 +17,24 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
 from ..core.units import Floats
-from .alternatives.alternative import Finding, chance_of
+from .alternatives.alternative import Alternative, Finding, chance_of
+from .alternatives.columns import drift_columns, warmth
 from .alternatives.faults import WORST_LIGHT_SIGMAS, Explanation, find_fault
 from .alternatives.judge import (
     LEAST_SHARE,
     Cause,
     find_causes,
     find_large_causes,
-    noisy_remainder,
+    raise_noise,
     restore_readings,
     rivals_of_shape,
     steps_as_changes,
     undo_causes,
 )
-from .alternatives.remainder import Remainder
+from .alternatives.remainder import Remainder, rise_without
 from .alternatives.scatter import fit_steady_laser
-from .candidates import SIGMAS, Candidate
+from .alternatives.score import score_courses
+from .candidates import SIGMAS, Candidate, candidates, open_bends
 from .checks import add_written_steps, check_columns, exclude_edge_readings, reference_steps
 from .findings import (
     PROFILE,
@@ -57,6 +59,13 @@ from .fitting.samples import (
     row_numbers,
 )
 from .fitting.unknowns import DELAY, Choice
+from .halves import (
+    WIDER_CHANCE,
+    WRONG_CHANCE,
+    compare_halves,
+    half_covariance,
+    half_findings,
+)
 from .search import (
     CHANCE,
     EffectSearch,
@@ -69,6 +78,7 @@ from .uncertainty import (
     centre_sigma,
     complete_uncertainty,
     validation_table,
+    widen,
 )
 
 if TYPE_CHECKING:
@@ -77,7 +87,6 @@ if TYPE_CHECKING:
 #: Ratios of measured to stated error on held-back samples, above which the result is reported, and
 #: refused, if chance exceeds the ratio with no more than these probabilities.
 WIDER_FACTOR, WRONG_FACTOR = 1.5, 2.0
-WIDER_CHANCE, WRONG_CHANCE = 1e-2, 1e-4
 #: Chi-square for each reading, as effects of light promise it, from which on faults are looked for
 #: before these effects: real light is explained by them nearly whole, a fault is not.
 PROMISING_CHI_SQUARE = 2.0
@@ -144,6 +153,8 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     plain, fault, large = first_fit(sensor, screened, chosen, settings)
     if astray := unsettled_findings(sensor, plain):
         return plain.verdict(astray if fault is None else [])
+    every = candidates(sensor, plain.data, settings)
+    plain = follow_temperature(sensor, plain, every, settings.outliers)
     done, causes = explain(sensor, plain, chosen, settings, large)
     if fault is None and plain.promising and is_suspicious(done.sensor, done.fit):
         fault = find_fault_of(sensor, plain, chosen)
@@ -177,6 +188,12 @@ class Screened:
         """The samples without what causes do to their readings."""
         original = self.original or self.fitted
         return replace(self, fitted=undo_causes(original, causes), original=original)
+
+    def follow(self, n: int) -> Screened:
+        """The samples in which something follows the temperature by one of `Data.pasts`."""
+        original = self.original and self.original.follow(n)
+        fitted, held = self.fitted.follow(n), self.held.follow(n)
+        return replace(self, fitted=fitted, held=held, original=original)
 
     @property
     def is_refused(self) -> bool:
@@ -262,11 +279,12 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
         hopeless = is_suspicious(sensor, late[1])
         if late[1].ended and not result.ended:
             data, result, gone = late
+    every = candidates(sensor, data, settings)
     promising = (
         hopeless
         and result.ended
         and result.reduced_chi_square < WORST_LIGHT_SIGMAS**2
-        and reachable_chi_square(sensor, data, settings, result) < PROMISING_CHI_SQUARE
+        and reachable_chi_square(sensor, data, result, every) < PROMISING_CHI_SQUARE
     )
     return Plain(screened, data, result, gone, hopeless, promising)
 
@@ -293,20 +311,24 @@ def first_fit(
 
 def find_fault_of(sensor: Sensor, plain: Plain, chosen: Choice) -> Explanation | None:
     """A fault of the table, or something that jumped, that explains a bad fit."""
+    return find_fault(sensor, plain.data, chosen, steps_of(sensor, plain))
+
+
+def steps_of(sensor: Sensor, plain: Plain) -> list[Alternative]:
+    """What jumped, as far as a bad fit shows it."""
     try:
-        steps = steps_as_changes(Remainder(sensor, plain.data, plain.fit, ROBUST_SIGMAS))
+        return steps_as_changes(Remainder(sensor, plain.data, plain.fit, ROBUST_SIGMAS))
     except (InputError, np.linalg.LinAlgError):
-        steps = []
-    return find_fault(sensor, plain.data, chosen, steps)
+        return []
 
 
 def undo_large_causes(
     sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate
 ) -> tuple[Plain, list[Cause]]:
     """The plain fit to samples without what explains most of its residuals beside all effects."""
-    causes = list[Cause]()
+    causes, every = list[Cause](), candidates(sensor, plain.data, settings)
     for _ in range(JUDGE_ROUNDS):
-        wide = add_cheap_candidates(sensor, plain.data, settings, plain.fit.choice)
+        wide = add_cheap_candidates(every, plain.fit.choice)
         data = restore_readings(plain.data, plain.original)
         robust = None if causes else settings.outliers
         with np.errstate(over="ignore", invalid="ignore"):  # where the fit went astray
@@ -318,6 +340,19 @@ def undo_large_causes(
         if plain.promising or not plain.hopeless:
             break
     return plain, causes
+
+
+def follow_temperature(
+    sensor: Sensor, plain: Plain, every: list[Candidate], robust: float | None
+) -> Plain:
+    """The plain fit with how late the beam and the places most likely follow the temperature."""
+    if plain.data.pasts is None:
+        return plain
+    wide = add_cheap_candidates(every, plain.fit.choice)
+    fitted = replace(plain.fit, choice=wide)
+    rest = Remainder(sensor, plain.data, fitted, robust)
+    best = int(score_courses(rest, "temperature", drift_columns(rest), warmth(rest)).at[0])
+    return replace(plain, screened=plain.screened.follow(best), data=plain.data.follow(best))
 
 
 def unsettled_findings(sensor: Sensor, plain: Plain) -> list[Finding]:
@@ -350,9 +385,9 @@ def explain(
             break  # what was undone made it worse
         data = restore_readings(done.data, original) if causes else done.data
         robust = None if causes else settings.outliers
-        remainder = noisy_remainder(
-            done.sensor, data, done.fit, robust, done.scatter.cross_covariance
-        )
+        together = done.scatter.cross_covariance
+        rest = Remainder(done.sensor, data, done.fit, robust, together)
+        remainder = raise_noise(rest, robust, together)
         before, causes = [cause.best.key for cause in causes], find_causes(remainder)
         best = done, causes
         needless = needless_effects(remainder, causes, done, settings)
@@ -376,7 +411,7 @@ def needless_effects(
     for candidate in asked if causes or done.scatter.causes else []:
         names = set(candidate.sigma) & set(done.fit.choice.names)
         rest = remainder if candidate.key in BEAM_SHAPES else beside
-        if chance_of(rest.rise_without(names), len(names)) > CHANCE:
+        if chance_of(rise_without(rest, names), len(names)) > CHANCE:
             needless.append(candidate.key)
     shapes = [part.key for part in asked if part.key in BEAM_SHAPES]
     of_shape = tuple(name for name in done.fit.choice.names if name in PROFILE)
@@ -418,11 +453,16 @@ def validate(
     held-back samples."""
     data, held = done.data, plain.screened.held
     remainder = remainder_of(done, settings.outliers)
-    centre = centre_sigma(done.sensor, remainder, settings)
+    centre = centre_sigma(done.sensor, remainder, settings.before)
     said, fitted = settled_findings(plain, done, causes, remainder)
-    said += centre_findings(centre)
+    halves = compare_halves(remainder)
+    said += centre_findings(centre) + half_findings(halves)
     read = restore_readings(data, plain.original)
-    made = complete_uncertainty(fitted, remainder, read, done.scatter, causes, centre, settings)
+    made = complete_uncertainty(
+        fitted, remainder, read, done.scatter, causes, centre, open_bends(settings),
+        settings.outliers,
+    )  # fmt: skip
+    made = widen(made, done.fit, half_covariance(halves))
     known = replace(done.fit, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation_table(sensor, known, held)

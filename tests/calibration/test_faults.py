@@ -152,7 +152,7 @@ def test_places_with_few_digits_count_as_noise(samples):
 @pytest.mark.parametrize("has_time", [False, True])
 def test_rows_that_were_sorted_are_told(samples, has_time):
     count = len(samples.raw)
-    clock = np.linspace(-1, 1, count)[:, None] * np.eye(5)[0] if has_time else None
+    clock = np.linspace(-1, 1, count)[:, None] * np.eye(3)[0] if has_time else None
     rows = np.argsort(samples.pose[:, 2])
     whole = samples._replace(clock=clock)
     words = "The rows do not stand in the order of time, as after sorting"
@@ -164,7 +164,7 @@ def test_rows_that_were_sorted_are_told(samples, has_time):
 def test_rows_without_a_time_are_neither_sorted_nor_of_another_clock(samples, missing):
     time = np.linspace(-1, 1, len(samples.raw))
     time[20 : 20 + 7 * missing : 7] = 0  # as the table without them is read
-    words = words_of(judge(samples._replace(clock=time[:, None] * np.eye(5)[0])))
+    words = words_of(judge(samples._replace(clock=time[:, None] * np.eye(3)[0])))
     assert "in the order of time" not in words
     assert "time_s jumps" not in words
 

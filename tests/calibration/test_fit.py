@@ -21,7 +21,8 @@ from facets.calibration import (
     PLACE,
     Choice,
     Data,
-    Task,
+    Descent,
+    Moves,
     block,
     choice,
     fit,
@@ -84,8 +85,8 @@ def test_derivatives_are_those_of_differences():
     data = Data(
         facets.readings(sensor, np.hstack([pose, still])), pose, rigs.REFERENCE, still,
         noise=np.ones((4, 9)), velocity=rng.normal(size=(4, 6)) * 0.1,
-        clock=rng.uniform(-1, 1, (4, 5)), slow=rng.uniform(-1, 1, (4, 5)),
-        step=rng.normal(size=(4, 6)) * 0.1,
+        clock=rng.uniform(-1, 1, (4, 3)), slow=rng.uniform(-1, 1, (4, 5)),
+        moves=Moves(*(rng.normal(size=(4, 6)) * 0.1 for _ in range(5))),
     )  # fmt: skip
     made = unknowns.assign_values(sensor, values)
     slopes = linearise_model(made, data, own_values, values, Choice(ALL, np.ones(len(ALL))))
@@ -150,7 +151,7 @@ def test_a_fit_that_misses_something_does_not_advise_to_hold_what_it_creeps_alon
 def test_an_unknown_at_its_bound_stops_no_other(data):
     """A width of rolled-off edges that would become negative stays where it has a derivative."""
     chosen = rigs.choice().add_unknowns({"rolloff.width": 0.05})
-    task, place = Task(NOMINAL, data, chosen, None), PLACE["rolloff.width"]
+    task, place = Descent(NOMINAL, data, chosen, None), PLACE["rolloff.width"]
     task.start[place] = 0.03
     at = task.guess(task.start, np.zeros((40, 9)))
     _, _, normal = task.linearise(at, np.inf)

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets.calibration import Data, faults
+from facets.calibration import Data, Moves, faults
 from facets.detectors import fractions, places
 
 SENSOR = facets.Sensor()
@@ -111,8 +111,8 @@ def test_every_fault_is_undone():
             below = "below" in fault.words
             pose = np.roll(POSE, 1 if below else -1, axis=0)
             step = np.diff(pose, axis=0, prepend=pose[:1])
-            spoilt = Data(RAW, pose, np.ones(6), np.zeros((5, 2)), step=step,
-                          next_step=np.roll(step, -1, axis=0))  # fmt: skip
+            spoilt = Data(RAW, pose, np.ones(6), np.zeros((5, 2)), moves=Moves(
+                step, step, RAW, np.roll(step, -1, axis=0), step))  # fmt: skip
             rows = slice(0, -1) if below else slice(1, None)  # the last, or first, has no other
             assert fault.change(spoilt).pose[rows] == pytest.approx(POSE[rows])
             continue

@@ -19,7 +19,8 @@ from ...core.units import Floats
 from ...model.arrays import EFFECTS, effect_jacobian, half_sizes, readings
 from ..fitting.bundle_adjustment import states_of
 from .alternative import LAST_TRIALS, Alternative
-from .remainder import STEP_MARGIN, Remainder
+from .remainder import Residuals
+from .score import STEP_MARGIN
 
 #: Numbers that the courses of a table may take; of longer tables fewer steps and frequencies are
 #: tried.
@@ -43,10 +44,6 @@ LEAST_RESET = 20
 RESET_SHARE = 0.8
 #: A power below which a detector has no place, mW.
 LEAST_POWER_MW = 1e-6
-#: Numbers of cycles of a reference's scale over its motion that are searched for.
-CYCLES = np.arange(2.5, 120, 0.5)
-#: Radii of an aperture that cuts the beam, in standard deviations of its irradiance.
-APERTURE_SIGMAS = np.linspace(2.0, 4.4, 9)
 #: Radius of a speck of dust in the beam's standard deviations; the places that are tried, and how
 #: far they reach, over the whole beam and then about the best.
 DUST_SIGMAS, DUST_WIDTHS = 0.3, ((2.4, 13), (0.6, 7), (0.15, 5))
@@ -70,17 +67,22 @@ BY_PLACE = (0, 1, -1, 2, 3, -1, 4, 5, -1)
 BY_PLACE_AND_POWER = (0, 0, 1, 2, 2, 3, 4, 4, 5)
 
 
-def place_columns(remainder: Remainder) -> Floats:
+def place_columns(remainder: Residuals) -> Floats:
     """The columns of all detectors' places, along psi and zeta."""
     return separate(1 / remainder.noise, BY_PLACE)
 
 
-def detector_columns(remainder: Remainder, k: int) -> Floats:
+def drift_columns(remainder: Residuals) -> Floats:
+    """The columns of the beam's place and of all detectors' places."""
+    return np.concatenate([remainder.beam_columns, place_columns(remainder)], axis=2)
+
+
+def detector_columns(remainder: Residuals, k: int) -> Floats:
     """The columns of a detector's place, along psi and zeta."""
     return place_columns(remainder)[:, :, 2 * k : 2 * k + 2]
 
 
-def unknown_columns(remainder: Remainder, names: tuple[str, ...]) -> Floats:
+def unknown_columns(remainder: Residuals, names: tuple[str, ...]) -> Floats:
     """The columns of some of the fit's own unknowns, where it has them all."""
     places = [n for n, name in enumerate(remainder.fit.choice.names) if name in names]
     if len(places) < len(names):
@@ -88,18 +90,27 @@ def unknown_columns(remainder: Remainder, names: tuple[str, ...]) -> Floats:
     return remainder.likelihood.common[:, :, places]
 
 
-def laser_columns(remainder: Remainder) -> Floats:
+def laser_columns(remainder: Residuals) -> Floats:
     """The column of the laser's power, by its share; as the fit's own unknown has it."""
     whole: Floats = unknown_columns(remainder, ("beam.power",)) * remainder.sensor.beam.power
     return whole if whole.any() else power_columns(remainder, (0, 1, 2)).sum(axis=2, keepdims=True)
 
 
-def dark_columns(remainder: Remainder) -> Floats:
+#: By how much light that returns into the laser moves the beam, mm, and changes its power.
+FEEDBACK_SIGMA = np.array([3e-3, 3e-3, 0.01])
+
+
+def laser_beam_columns(remainder: Residuals) -> Floats:
+    """The columns of the beam's place and of the laser's power, by its share."""
+    return np.concatenate([remainder.beam_columns, laser_columns(remainder)], axis=2)
+
+
+def dark_columns(remainder: Residuals) -> Floats:
     """The columns of the dark current of each detector, as light on its middle."""
     return lamp_columns(remainder)[:, :, ::3]
 
 
-def lamp_columns(remainder: Remainder) -> Floats:
+def lamp_columns(remainder: Residuals) -> Floats:
     """The columns of other light on each detector: its power, and its power times its place."""
     raw, noise, model = remainder.raw, remainder.noise, remainder.model_readings
     columns: Floats = np.zeros((*noise.shape, 9))
@@ -116,7 +127,7 @@ def lamp_columns(remainder: Remainder) -> Floats:
 # ---- courses
 
 
-def steps(remainder: Remainder) -> Floats:
+def steps(remainder: Residuals) -> Floats:
     """Courses that begin at one of the samples and stay."""
     count = len(remainder.noise)
     every = max(1, count**2 // MOST_VALUES)
@@ -125,7 +136,7 @@ def steps(remainder: Remainder) -> Floats:
     return behind[:, :, None]
 
 
-def slow_drift(remainder: Remainder) -> Floats:
+def slow_drift(remainder: Residuals) -> Floats:
     """One course of polynomials over the samples, which are zero at the end."""
     rows = remainder.row_numbers
     time = (2 * rows - rows[0] - rows[-1]) / max(rows[-1] - rows[0], 1)  # as the laser's own drift
@@ -134,29 +145,34 @@ def slow_drift(remainder: Remainder) -> Floats:
     return since
 
 
-def warmth(remainder: Remainder) -> Floats:
-    """One course of the temperature and its past; zero where the table has none."""
-    clock = remainder.data.clock
-    if clock is None or not clock[:, 1].any():
+def warmth(remainder: Residuals) -> Floats:
+    """Courses of the temperature and what follows it, by each of `Data.pasts`; zero where the
+    table has none."""
+    data = remainder.data
+    if data.clock is None or data.pasts is None:
         return np.zeros((1, len(remainder.noise), 1))
-    return clock[None, :, 1:]
+    late = data.pasts.T
+    return np.stack([np.broadcast_to(data.clock[:, 1], late.shape), late], axis=2)
 
 
-def cycles(remainder: Remainder, numbers: Floats, axis: int) -> Floats:
-    """Courses that repeat a number of times along an axis of the reference."""
-    place = remainder.data.pose[:, axis]
-    phase = 2 * np.pi * numbers[:, None] * place / max(float(np.ptp(place)), 1e-12)
-    return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
+def angle_courses(remainder: Residuals) -> Floats:
+    """One course of polynomials in the mirror's angles over their reach, up to second order."""
+    angles = remainder.data.pose[:, 3:]
+    ends = angles / np.abs(angles).max(axis=0).clip(1e-12)
+    pairs = combinations_with_replacement(range(3), 2)
+    squares = np.stack([ends[:, i] * ends[:, j] for i, j in pairs], axis=1)
+    whole: Floats = np.column_stack([ends, squares])[None]
+    return whole
 
 
-def frequencies(remainder: Remainder) -> Floats:
+def frequencies(remainder: Residuals) -> Floats:
     """Frequencies per row that a run tells apart, faster than a slow drift."""
     rows = float(np.ptp(remainder.row_numbers)) + 1
     every = max(1, int(2 * rows) * len(remainder.noise) // MOST_VALUES)
     return np.arange(DRIFT_DEGREE + 1, rows, every) / (2 * rows)
 
 
-def waves(remainder: Remainder, frequency: Floats) -> Floats:
+def waves(remainder: Residuals, frequency: Floats) -> Floats:
     """Courses that go up and down at one frequency, also where the rows are too rare to follow."""
     return waves_at(tuple(frequency.tolist()), tuple(remainder.row_numbers.tolist()))
 
@@ -170,7 +186,7 @@ def waves_at(frequency: tuple[float, ...], rows: tuple[int, ...]) -> Floats:
 # ---- light
 
 
-def shape_columns(remainder: Remainder) -> Floats:
+def shape_columns(remainder: Residuals) -> Floats:
     """Columns in which each power is a smooth function of the mirror's x and y by itself.
 
     What scatters follows nothing; light of another shape than the model's does, also where a beam
@@ -188,7 +204,7 @@ def shape_columns(remainder: Remainder) -> Floats:
     return columns
 
 
-def effect_columns(remainder: Remainder, series: str) -> Floats:
+def effect_columns(remainder: Residuals, series: str) -> Floats:
     """The columns of the effects of light whose names begin with a series."""
     names = [name for name in EFFECTS if name.startswith(series)]
     whole = effect_jacobian(remainder.sensor, remainder.state, names=names)
@@ -196,13 +212,13 @@ def effect_columns(remainder: Remainder, series: str) -> Floats:
     return picked / remainder.noise[:, :, None]
 
 
-def chip_columns(remainder: Remainder) -> Floats:
+def chip_columns(remainder: Residuals) -> Floats:
     """The columns of an area broken off the tip of each facet, by mm^2: each facet lights its own
     detector."""
     return separate(effect_columns(remainder, "tip.area")[:, :, 0], BY_DETECTOR)
 
 
-def uneven_columns(remainder: Remainder) -> Floats:
+def uneven_columns(remainder: Residuals) -> Floats:
     """The columns of facets that reflect less and less along x and y, by the share for each mm from
     the tip.
 
@@ -218,7 +234,7 @@ def uneven_columns(remainder: Remainder) -> Floats:
     return columns
 
 
-def yield_columns(remainder: Remainder) -> Floats:
+def yield_columns(remainder: Residuals) -> Floats:
     """The columns of facets that turn by shares of the mirror's angles."""
     facets = [f"facet_{k}.{angle}" for k in DETECTORS for angle in ("inclination", "azimuth")]
     turned, angles = unknown_columns(remainder, tuple(facets)), remainder.data.pose[:, 3:]
@@ -226,7 +242,18 @@ def yield_columns(remainder: Remainder) -> Floats:
     return whole.reshape(*remainder.noise.shape, -1)
 
 
-def scatter_columns(remainder: Remainder) -> Floats:
+def responsivity_columns(remainder: Residuals) -> Floats:
+    """The columns of detectors whose responsivity varies over their faces, by the share at the
+    edge, for each term of first and second order in the spot's place."""
+    columns = np.zeros((*remainder.noise.shape, 15))
+    for k, half in enumerate(half_sizes(remainder.sensor)):
+        y, z = (remainder.raw[:, 3 * k : 3 * k + 2] / half).T
+        terms = np.column_stack([y, z, y * y, y * z, z * z])
+        columns[:, 3 * k + 2, 5 * k : 5 * k + 5] = terms * remainder.light[:, k : k + 1]
+    return columns
+
+
+def scatter_columns(remainder: Residuals) -> Floats:
     """The columns of light that each facet scatters onto the other detectors, by its share: its
     power, and its power times its place."""
     lamp, power = lamp_columns(remainder), remainder.model_readings[:, 2::3]
@@ -237,7 +264,7 @@ def scatter_columns(remainder: Remainder) -> Floats:
     return np.concatenate(parts, axis=2)
 
 
-def power_columns(remainder: Remainder, detectors: tuple[int, ...]) -> Floats:
+def power_columns(remainder: Residuals, detectors: tuple[int, ...]) -> Floats:
     """The columns of the powers of some detectors, each by itself."""
     return separate(np.repeat(remainder.light, 3, axis=1), BY_POWER)[:, :, detectors]
 
@@ -247,13 +274,13 @@ def beam_sigma(sensor: Sensor) -> float:
     return float(np.sqrt(sensor.beam.diameter_x * sensor.beam.diameter_y)) / 4
 
 
-def place_in_beam(remainder: Remainder) -> Floats:
+def place_in_beam(remainder: Residuals) -> Floats:
     """The apex's place (n, 2) from the beam's middle, mm."""
     place: Floats = remainder.state[:, :2] - remainder.state[:, 6:]
     return place
 
 
-def fringes(remainder: Remainder) -> Floats:
+def fringes(remainder: Residuals) -> Floats:
     """Courses of fringes that stand in the beam: the light at the apex follows its place there."""
     place, sigma = place_in_beam(remainder), beam_sigma(remainder.sensor)
     envelope = np.exp(-(place**2).sum(axis=1) / 2 / sigma**2)
@@ -264,19 +291,19 @@ def fringes(remainder: Remainder) -> Floats:
     return standing
 
 
-def window_columns(remainder: Remainder, k: int) -> Floats:
+def window_columns(remainder: Residuals, k: int) -> Floats:
     """The columns of a detector's power and place."""
     return np.concatenate([power_columns(remainder, (k,)), detector_columns(remainder, k)], axis=2)
 
 
-def spot_range(remainder: Remainder, k: int) -> Floats:
+def spot_range(remainder: Residuals, k: int) -> Floats:
     """The range (2,) of the spot's places on a detector, mm."""
     place = remainder.raw[remainder.is_read[:, 3 * k], 3 * k : 3 * k + 2]
     across: Floats = np.ptp(place, axis=0) if len(place) else np.zeros(2)
     return across.clip(1e-12)
 
 
-def window_fringes(remainder: Remainder, periods: Floats, k: int) -> Floats:
+def window_fringes(remainder: Residuals, periods: Floats, k: int) -> Floats:
     """Courses of fringes of a detector's window, periodic in the spot's place.  periods: (m, 2)
     over the range of places."""
     place = remainder.raw[:, 3 * k : 3 * k + 2] / spot_range(remainder, k)
@@ -284,7 +311,7 @@ def window_fringes(remainder: Remainder, periods: Floats, k: int) -> Floats:
     return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
 
 
-def likely_fringes(remainder: Remainder, columns: Floats, k: int) -> Floats:
+def likely_fringes(remainder: Residuals, columns: Floats, k: int) -> Floats:
     """The numbers of periods (m, 2) of the fringes that would explain most of what columns (n, 9,
     q) explain, if no unknown took up any of it."""
     along = WINDOW_PERIODS[WINDOW_PERIODS >= 0]
@@ -316,7 +343,7 @@ class RayLanding:
     """Where the rays of a beam land: on each detector, by the place (..., 2) at which they meet the
     mirror, from its apex, mm. Exact for flat facets."""
 
-    def __init__(self, remainder: Remainder) -> None:
+    def __init__(self, remainder: Residuals) -> None:
         sensor, state = remainder.sensor, remainder.state
         self.raw, self.model_readings = remainder.raw, remainder.model_readings
         self.azimuths = np.array([facet.azimuth for facet in sensor.facets])
@@ -348,7 +375,7 @@ class RayLanding:
         return nearest
 
 
-def lost_light(remainder: Remainder, landing: RayLanding, at: Floats, weight: Floats) -> Floats:
+def lost_light(remainder: Residuals, landing: RayLanding, at: Floats, weight: Floats) -> Floats:
     """What the readings (n, 9) lose where light of shares (n, m) of the laser's power is lost at
     places (n, m, 2) from the apex."""
     power = remainder.sensor.beam.power
@@ -370,7 +397,7 @@ def square_grid(width: float, count: int) -> Floats:
     return np.column_stack([x.ravel(), y.ravel()])
 
 
-def shadows(remainder: Remainder, places: Floats) -> Floats:
+def shadows(remainder: Residuals, places: Floats) -> Floats:
     """Courses of the light in specks at places (m, 2) of the mirror from its tip, over that of one
     in the beam's middle."""
     sigma, offset = beam_sigma(remainder.sensor), place_in_beam(remainder)
@@ -379,39 +406,13 @@ def shadows(remainder: Remainder, places: Floats) -> Floats:
     return light
 
 
-def dust_column(remainder: Remainder, landing: RayLanding, place: Floats) -> Floats:
+def dust_column(remainder: Residuals, landing: RayLanding, place: Floats) -> Floats:
     """The column (n, 9) of a speck at a place (2,) of the mirror from its tip, mm, by the share of
     the light in it that it absorbs."""
     largest = DUST_SIGMAS**2 / (1 + DUST_SIGMAS**2)
     share = largest * shadows(remainder, place[None])[0]
     at = np.broadcast_to(place, (len(share), 1, 2))
     return lost_light(remainder, landing, at, share)
-
-
-def aperture_columns(remainder: Remainder) -> Floats:
-    """The columns (m, n, 9, 3) of apertures of m radii: what a round one cuts off, and what it cuts
-    off more on one side, along x and y."""
-    landing, offset = RayLanding(remainder), place_in_beam(remainder)
-    sigma = beam_sigma(remainder.sensor)
-    nodes, weights = np.polynomial.legendre.leggauss(4)
-    angle = 2 * np.pi * (np.arange(24) + 0.5) / 24
-    out = []
-    for radius in APERTURE_SIGMAS:
-        far = radius + (nodes + 1)  # two standard deviations, in which nearly all of the rest lies
-        ring = sigma * np.stack([np.outer(far, np.cos(angle)), np.outer(far, np.sin(angle))], -1)
-        share = np.outer(weights * far * np.exp(-(far**2) / 2), np.full(24, 1 / 24)).ravel()
-        edge = sigma * radius * np.column_stack([np.cos(angle), np.sin(angle)])
-        rim = np.full(24, np.exp(-(radius**2) / 2) / 24)
-        columns = []
-        for places, lost in (
-            (ring.reshape(-1, 2), share), (edge, rim * np.cos(angle)), (edge, rim * np.sin(angle))
-        ):  # fmt: skip
-            at = places - offset[:, None]
-            whole = np.broadcast_to(lost, at.shape[:2])
-            gain = lost_light(remainder, landing, at, np.maximum(whole, 0))
-            columns.append(gain - lost_light(remainder, landing, at, np.maximum(-whole, 0)))
-        out.append(np.stack(columns, axis=-1))
-    return np.array(out)
 
 
 # ---- the reference
@@ -423,13 +424,13 @@ REFERENCE_SIGMAS = {"scale": 5e-3, "abbe": 10.0, "squareness": 5e-3}
 BOW_SIGMAS = np.repeat([5e-3, 2e-5], 3)
 
 
-def reference_columns(remainder: Remainder, terms: list[tuple[int, Floats]]) -> Floats:
+def reference_columns(remainder: Residuals, terms: list[tuple[int, Floats]]) -> Floats:
     """The columns of errors of the reference: the axis that errs, and by what (n,), for each."""
     by_pose = remainder.pose_columns
     return np.stack([by_pose[:, :, axis] * size[:, None] for axis, size in terms], axis=-1)
 
 
-def reference_terms(remainder: Remainder) -> dict[str, list[tuple[int, Floats]]]:
+def reference_terms(remainder: Residuals) -> dict[str, list[tuple[int, Floats]]]:
     """Each kind of error of the reference: the axes that err, and by what (n,) in prior standard
     uncertainties.
 
@@ -463,21 +464,21 @@ def square_terms(
     return [(n, BOW_SIGMAS[n] * ends[:, i] * ends[:, j]) for n, (i, j) in product(axes, pairs)]
 
 
-def changed_columns(remainder: Remainder, fault: Alternative) -> Floats:
+def changed_columns(remainder: Residuals, fault: Alternative) -> Floats:
     """The column of a change of the reference's poses that is small for these samples."""
     assert fault.change is not None
     moved = fault.change(remainder.data).pose - remainder.data.pose
     return remainder.pose_columns @ moved[:, :, None]
 
 
-def axis_delay_columns(remainder: Remainder) -> Floats:
+def axis_delay_columns(remainder: Residuals) -> Floats:
     """The columns of a delay of each axis of the reference, s; zero where the table is no motion in
     time."""
     velocity = remainder.data.velocity
     return remainder.pose_columns * (0.0 if velocity is None else velocity[:, None])
 
 
-def moving_columns(remainder: Remainder) -> Floats:
+def moving_columns(remainder: Residuals) -> Floats:
     """The columns of each detector's delay, s; zero where the table is no motion in time."""
     data = remainder.data
     if data.velocity is None or data.clock is None:
@@ -486,7 +487,7 @@ def moving_columns(remainder: Remainder) -> Floats:
     return separate(moving, BY_DETECTOR)
 
 
-def clock_columns(remainder: Remainder) -> Floats:
+def clock_columns(remainder: Residuals) -> Floats:
     """The column of a reference that is later and later, s at the end of the run."""
     moving = moving_columns(remainder).sum(axis=2, keepdims=True)
     clock = remainder.data.clock
@@ -497,42 +498,43 @@ def clock_columns(remainder: Remainder) -> Floats:
 # ---- detectors and their electronics
 
 
-def memory_columns(remainder: Remainder) -> Floats:
+def memory_columns(remainder: Residuals) -> Floats:
     """The columns of what each detector keeps of the row before, as a share: of places, of
     powers. Less what the model has for a row: its noise would look like a share of itself."""
-    before = remainder.data.before
-    return kept_columns(remainder, remainder.model_readings if before is None else before)
+    moves = remainder.data.moves
+    return kept_columns(remainder, moves.before if moves else remainder.model_readings)
 
 
-def memory_in_use(remainder: Remainder) -> Floats:
+def memory_in_use(remainder: Residuals) -> Floats:
     """The same where each pose comes after the one on the other side of the motion."""
     return kept_columns(
         remainder, 2 * np.median(remainder.model_readings, axis=0) - remainder.model_readings
     )
 
 
-def kept_columns(remainder: Remainder, before: Floats) -> Floats:
+def kept_columns(remainder: Residuals, before: Floats) -> Floats:
     """The columns of a share of readings before (n, 9) that each detector keeps."""
     return separate((before - remainder.model_readings) / remainder.noise, BY_PLACE_AND_POWER)
 
 
-def averaged_columns(remainder: Remainder) -> Floats:
+def averaged_columns(remainder: Residuals) -> Floats:
     """The column of readings of a motion that were averaged over rows, by the mean square of the
     rows' distance."""
     data, result = remainder.data, remainder.fit
-    if data.velocity is None or data.step is None or data.next_step is None or data.bend is None:
+    moves = data.moves
+    if data.velocity is None or moves is None:
         return np.zeros((*remainder.noise.shape, 1))
     own, values, sensor = result.own_values, result.all_values, remainder.sensor
-    half = (data.step + data.next_step) / 2
+    half = (moves.last + moves.following) / 2
     before, here, behind = (
         readings(sensor, states_of(data._replace(pose=data.pose + step), own, values))
-        for step in (data.bend / 2 - half, np.zeros(6), data.bend / 2 + half)
+        for step in (moves.bend / 2 - half, np.zeros(6), moves.bend / 2 + half)
     )
     column = (before + behind) / 2 - here
     return (column / remainder.noise)[:, :, None]
 
 
-def leak_columns(remainder: Remainder) -> Floats:
+def leak_columns(remainder: Residuals) -> Floats:
     """The columns of a share of each detector's currents in the channels of each other one."""
     raw, noise = np.nan_to_num(remainder.data.raw), remainder.noise  # what is not read is no leak
     columns = np.zeros((*noise.shape, 6))
@@ -545,7 +547,7 @@ def leak_columns(remainder: Remainder) -> Floats:
     return columns
 
 
-def likely_resets(remainder: Remainder, columns: Floats) -> tuple[Floats, int]:
+def likely_resets(remainder: Residuals, columns: Floats) -> tuple[Floats, int]:
     """Blocks (n, b) of rows, and their length: of all lengths the one at which columns (n, 9, q)
     with other amounts in each block would explain most if no unknown took up any of it. No blocks
     where there would be few, which are jumps, where they would be too many for a long table, or
@@ -572,7 +574,7 @@ def likely_resets(remainder: Remainder, columns: Floats) -> tuple[Floats, int]:
     return (block[:, None] == np.unique(block)).astype(float), best
 
 
-def amplifier_columns(remainder: Remainder) -> Floats:
+def amplifier_columns(remainder: Residuals) -> Floats:
     """The columns of amplifiers whose gain grows with the current, by the share at a current of 1
     mW of light, for each of the four electrodes of each detector."""
     raw = remainder.data.raw

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.names import DETECTORS, POSE
+from ...core.names import DETECTORS
 from ...core.units import Floats
 from . import columns
 from .alternative import (
@@ -25,6 +25,7 @@ from .alternative import (
 )
 from .faults import angle_orders
 from .remainder import Remainder
+from .score import score_columns, score_courses, score_switching
 
 
 def plain(
@@ -38,7 +39,7 @@ def plain(
     nothing."""
 
     def test(remainder: Remainder) -> Trace:
-        trace = remainder.test(key, make(remainder), sigma)
+        trace = score_columns(remainder, key, make(remainder), sigma)
         return trace if is_possible(trace.amounts) else trace._replace(fall=0.0)
 
     return test
@@ -51,7 +52,9 @@ def course_test(
     sigma: Floats | float = np.inf,
 ) -> Callable[[Remainder], Trace]:
     """The test of columns that act by the best of several courses."""
-    return lambda remainder: remainder.test_courses(key, make(remainder), courses(remainder), sigma)
+    return lambda remainder: score_courses(
+        remainder, key, make(remainder), courses(remainder), sigma
+    )
 
 
 #: Frequencies between the neighbours of the best one.
@@ -70,11 +73,11 @@ def wave_test(
 
     def test(remainder: Remainder) -> Trace:
         made, tried = make(remainder), grid(remainder)
-        trace = remainder.test_courses(key, made, courses(remainder, tried), sigma)
+        trace = score_courses(remainder, key, made, courses(remainder, tried), sigma)
         n, chances = int(trace.at[0]), trace.log_trials
         if trace.score > 0:
             tried = np.linspace(tried[max(n - 1, 0)], tried[min(n + 1, len(tried) - 1)], FINER)
-            trace = remainder.test_courses(key, made, courses(remainder, tried), sigma)
+            trace = score_courses(remainder, key, made, courses(remainder, tried), sigma)
             n = int(trace.at[0])
         return trace._replace(log_trials=chances, at=(float(tried[n]),))
 
@@ -152,13 +155,6 @@ DRIFT_SOURCES = (
         for n, k in enumerate(DETECTORS)
     ),
     *(
-        DriftSource(f"turn_{k}", "detectors",
-              f"the rotation of detector {k.upper()} about its normal",
-              partial(columns.unknown_columns, names=(f"psd_{k}.roll",)), 0.01, turn_size,
-              "fasten it", "press lightly on its post, and look at its readings")
-        for k in DETECTORS
-    ),
-    *(
         DriftSource(f"gain_{k}", "electronics", f"the gain of detector {k.upper()}",
               partial(columns.power_columns, detectors=(n,)), 0.03, share_size,
               "look at its amplifier and its plugs",
@@ -210,13 +206,13 @@ def moving(source: DriftSource) -> list[Alternative]:
     def jump(remainder: Remainder) -> Trace:
         made, key = source.columns(remainder), f"{source.key}.jumped"
         courses = columns.steps(remainder)
-        step = remainder.test_courses(key, made, courses, source.sigma)
+        step = score_courses(remainder, key, made, courses, source.sigma)
         first = np.argmax(courses[int(step.at[0]), :, 0] > 0)
         return step._replace(at=(float(first),))
 
     def switch(remainder: Remainder) -> Trace:
         made = source.columns(remainder)
-        trace, state = remainder.test_switching(made, jump(remainder), source.sigma)
+        trace, state = score_switching(remainder, made, jump(remainder), source.sigma)
         usual = state[-1] if source.stays else trace.amounts[0] < 0
         return trace._replace(columns=made * (state.astype(float) - usual)[:, None, None])
 
@@ -274,7 +270,7 @@ def one_facet_test(
 
     def test(remainder: Remainder) -> Trace:
         parts = np.split(make(remainder), 3, axis=2)
-        traces = [remainder.test(key, part, sigma) for part in parts]
+        traces = [score_columns(remainder, key, part, sigma) for part in parts]
         best = max(range(3), key=lambda k: traces[k].fall)
         return traces[best]._replace(log_trials=float(np.log(3)), at=(float(best),))
 
@@ -285,21 +281,9 @@ def reference_test(kind: str) -> Callable[[Remainder], Trace]:
     def test(remainder: Remainder) -> Trace:
         terms = columns.reference_terms(remainder)[kind]
         made = columns.reference_columns(remainder, terms)
-        return remainder.test(kind, made, 1.0, LEAST_OF_REFERENCE)
+        return score_columns(remainder, kind, made, 1.0, LEAST_OF_REFERENCE)
 
     return test
-
-
-def cycle_test(n: int) -> Callable[[Remainder], Trace]:
-    def make(remainder: Remainder) -> Floats:
-        return remainder.pose_columns[:, :, [n]]
-
-    courses, grid = partial(columns.cycles, axis=n), lambda remainder: columns.CYCLES
-    return wave_test(f"cyclic_{POSE[n]}", make, courses, grid, 1e-3)
-
-
-def size_of_cycle(trace: Trace, remainder: Remainder, axis: int) -> str:
-    return f"{np.ptp(remainder.data.pose[:, axis]) / trace.at[0]:.2g} mm long"
 
 
 def test_dust(remainder: Remainder) -> Trace:
@@ -307,7 +291,7 @@ def test_dust(remainder: Remainder) -> Trace:
     (width, count), *finer = columns.DUST_WIDTHS
     places = columns.beam_sigma(remainder.sensor) * columns.square_grid(width, count)
     made = columns.power_columns(remainder, (0, 1, 2))
-    coarse = remainder.test_courses("dust", made, columns.shadows(remainder, places), 0.03)
+    coarse = score_courses(remainder, "dust", made, columns.shadows(remainder, places), 0.03)
     if coarse.score < 0:
         return coarse
     landing, sigma = columns.RayLanding(remainder), columns.beam_sigma(remainder.sensor)
@@ -315,7 +299,7 @@ def test_dust(remainder: Remainder) -> Trace:
     for width, count in finer:
         for place in middle + sigma * columns.square_grid(width, count):
             column = columns.dust_column(remainder, landing, place)
-            trace = remainder.test("dust", column[:, :, None], 1.0)
+            trace = score_columns(remainder, "dust", column[:, :, None], 1.0)
             trials += 1
             if best is None or trace.fall > best.fall:
                 best = trace._replace(at=tuple(place.tolist()))
@@ -325,20 +309,9 @@ def test_dust(remainder: Remainder) -> Trace:
     return best._replace(log_trials=float(np.log(trials)))
 
 
-def test_aperture(remainder: Remainder) -> Trace:
-    if not any(name.startswith("profile") for name in remainder.fit.choice.names):
-        return remainder.test("aperture", np.zeros((*remainder.noise.shape, 1)))
-    traces = [remainder.test("aperture", part) for part in columns.aperture_columns(remainder)]
-    whole = [0.3 < trace.amounts[0] < 3 for trace in traces]  # 1 is what the radius cuts off
-    best = max(range(len(traces)), key=lambda n: traces[n].fall * whole[n])
-    traces[best] = traces[best]._replace(fall=traces[best].fall * whole[best])
-    radius = float(columns.APERTURE_SIGMAS[best]) * columns.beam_sigma(remainder.sensor)
-    return traces[best]._replace(log_trials=float(np.log(len(traces))), at=(radius,))
-
-
 def test_fringes(remainder: Remainder) -> Trace:
     made = columns.power_columns(remainder, (0, 1, 2))
-    trace = remainder.test_courses("fringes", made, columns.fringes(remainder))
+    trace = score_courses(remainder, "fringes", made, columns.fringes(remainder))
     periods = np.tile(columns.FRINGE_PERIODS_MM, columns.FRINGE_DIRECTIONS)
     return trace._replace(at=(float(periods[int(trace.at[0])]),))
 
@@ -347,9 +320,9 @@ def test_window(remainder: Remainder, k: int) -> Trace:
     key = f"window_{DETECTORS[k]}"
     made = remainder.readable(columns.window_columns(remainder, k))
     periods = columns.likely_fringes(remainder, made, k)
-    trace = remainder.test_courses(key, made, columns.window_fringes(remainder, periods, k))
+    trace = score_courses(remainder, key, made, columns.window_fringes(remainder, periods, k))
     periods = periods[int(trace.at[0])] + columns.square_grid(*columns.FINER_WINDOWS)
-    trace = remainder.test_courses(key, made, columns.window_fringes(remainder, periods, k))
+    trace = score_courses(remainder, key, made, columns.window_fringes(remainder, periods, k))
     across = np.hypot(*(periods[int(trace.at[0])] / columns.spot_range(remainder, k)))
     chances = float(np.log(columns.WINDOW_PERIODS.size**2 / 2))
     return trace._replace(log_trials=chances, at=(1 / max(float(across), 1e-12),))
@@ -360,7 +333,7 @@ def test_resets(remainder: Remainder) -> Trace:
     blocks, length = columns.likely_resets(remainder, made)
     sigma = np.repeat(LAMP_SIGMA, blocks.shape[1])
     whole = made[:, :, :, None] * blocks[:, None, None, :]
-    trace = remainder.test("dark.reset", whole.reshape(*made.shape[:2], -1), sigma)
+    trace = score_columns(remainder, "dark.reset", whole.reshape(*made.shape[:2], -1), sigma)
     return trace._replace(log_trials=float(np.log(len(blocks) / 3)), at=(float(length),))
 
 
@@ -382,12 +355,14 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("modes", "light", "the beam has other modes beside the Gaussian one",
                 "clean the beam with a pinhole or a fibre", CAMERA,
                 plain("modes", partial(columns.effect_columns, series="profile"))),
-    Alternative("aperture", "light", "an aperture cuts the beam", "open or centre it", CAMERA,
-                test_aperture,
-                lambda trace, remainder: f"at a radius of {trace.at[0]:.2g} mm"),
     Alternative("fringes", "light", "there are fringes across the beam, or dust of such a size",
                 "tilt windows that reflect, and clean the optics", CAMERA, test_fringes,
                 lambda trace, remainder: f"({trace.at[0]:.2g} mm apart)"),
+    Alternative("feedback", "light", "the beam or its power follows the mirror's angles, as where "
+                "light returns into the laser", "pitch the detectors by some mrad, or put an "
+                "isolator behind the laser", "let the mirror rest, and block one detector after "
+                "the other", course_test("feedback", columns.laser_beam_columns,
+                                         columns.angle_courses, columns.FEEDBACK_SIGMA)),
     *(
         Alternative(f"window_{k}", "detectors",
                     f"there are fringes of the window of detector {k.upper()}",
@@ -396,6 +371,11 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                     lambda trace, remainder: f"({trace.at[0]:.2g} mm apart)")
         for n, k in enumerate(DETECTORS)
     ),
+    Alternative("responsivity", "detectors", "a detector's responsivity varies over its face",
+                "take another detector", "turn that detector a little",
+                plain("responsivity", columns.responsivity_columns, 0.03),
+                lambda trace, remainder: (
+                    f"(by up to {100 * np.abs(trace.amounts).max():.2g} % at its edge)")),
     # the facets
     Alternative("chip", "facets", "the mirror's tip is chipped", "take another mirror, or keep the "
                 "beam off the tip", MICROSCOPE, plain("chip", columns.chip_columns),
@@ -439,12 +419,6 @@ ALTERNATIVES: tuple[Alternative, ...] = (
             fault.key, partial(columns.changed_columns, fault=fault),
             is_possible=lambda amounts: bool(0.5 < amounts[0] < 1.5)))
         for fault in angle_orders()
-    ),
-    *(
-        Alternative(f"cyclic_{POSE[n]}", "reference",
-                    f"the reference's {POSE[n]} has a cyclic error", OF_REFERENCE, TURN,
-                    cycle_test(n), partial(size_of_cycle, axis=n))
-        for n in range(3)
     ),
     # the clocks
     Alternative("clock", "time", "the clocks of reference and readings run apart",

@@ -26,11 +26,11 @@ from ...detectors.noise import standard_deviations
 from ...detectors.temperature import PLACES
 from ...model.arrays import half_sizes, readings
 from ..fitting.bundle_adjustment import Data
-from ..fitting.fit import NORMAL_MEDIAN, Guess, StoppingRule, Task, solve_open_axes
+from ..fitting.fit import NORMAL_MEDIAN, Descent, Guess, StoppingRule, Task, solve_open_axes
 from ..fitting.samples import row_numbers
 from ..fitting.unknowns import Choice
 from .alternative import LAST_TRIALS, Alternative, Finding, capitalise
-from .remainder import likeliest_states
+from .score import likeliest_states
 
 Change = Callable[[Data], Data]
 ColumnChange = Callable[[Floats], Floats]
@@ -198,8 +198,10 @@ def shifted_rows() -> Iterator[Alternative]:
 
 def shift_reference(data: Data, by: int) -> Data:
     """The samples with the poses of the row below, by = 1, or above."""
-    step = data.next_step if by > 0 else data.step
-    return data if step is None else data._replace(pose=data.pose + by * step, velocity=None)
+    if data.moves is None:
+        return data
+    step = data.moves.following if by > 0 else data.moves.last
+    return data._replace(pose=data.pose + by * step, velocity=None)
 
 
 def reference_axes() -> Iterator[Alternative]:
@@ -331,7 +333,7 @@ def short_fit_of(
     sensor: Sensor, data: Data, chosen: Choice, steps: int
 ) -> tuple[Task, Guess | None]:
     """A fit after some steps; None where it makes no sensor."""
-    task = Task(sensor, data, chosen, 3.0)
+    task = Descent(sensor, data, chosen, 3.0)
     with suppress(InputError, np.linalg.LinAlgError):
         at = task.guess(task.start, solve_open_axes(data, sensor))
         return task, task.settle(at, StoppingRule(steps))[0]
@@ -470,7 +472,8 @@ def is_saturated(sensor: Sensor, data: Data, chosen: Choice) -> bool:
     if at is None:
         return False
     current, places = largest_currents(sensor, data)
-    left = residuals_at(sensor, data, chosen, at).reshape(-1, 3, 3)[:, :, :2] * np.sign(places)
+    left = residuals_at(whole_task(sensor, data, chosen), at).reshape(-1, 3, 3)
+    left = left[:, :, :2] * np.sign(places)
     axis = np.abs(np.nan_to_num(places)).argmax(axis=2)[:, :, None]
     outward = np.take_along_axis(left, axis, axis=2)[:, :, 0]
     largest = outward[current > np.nanquantile(current, LARGEST)]
@@ -479,17 +482,22 @@ def is_saturated(sensor: Sensor, data: Data, chosen: Choice) -> bool:
 
 def row_residuals(sensor: Sensor, data: Data, chosen: Choice, at: Guess) -> Floats:
     """The largest residual (n,) of each row's places at the common unknowns of a fit to others."""
-    sizes: Floats = np.abs(residuals_at(sensor, data, chosen, at)[:, PLACES]).max(axis=1)
+    sizes: Floats = np.abs(residuals_at(whole_task(sensor, data, chosen), at)[:, PLACES]).max(
+        axis=1
+    )
     return sizes
 
 
-def residuals_at(sensor: Sensor, data: Data, chosen: Choice, at: Guess) -> Floats:
+def whole_task(sensor: Sensor, data: Data, chosen: Choice) -> Task:
+    """The fit of all rows."""
+    return Task(sensor, subsample(sensor, data, len(data.raw)), chosen, 3.0)
+
+
+def residuals_at(task: Task, at: Guess) -> Floats:
     """Residuals (n, 9) at the common unknowns of a fit to others; the laser's power is not known,
     and what is not read has none."""
-    whole = subsample(sensor, data, len(data.raw))
-    task = Task(sensor, whole, chosen, 3.0)
-    left = task.guess(at.values, solve_open_axes(whole, sensor)).residual
-    left[~np.isfinite(whole.raw)] = 0.0
+    left: Floats = task.guess(at.values, solve_open_axes(task.data, task.nominal)).residual
+    left[~np.isfinite(task.data.raw)] = 0.0
     return left
 
 

@@ -11,17 +11,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.sensor import Sensor
 from ...core.small_matrices import one_thread
-from ...core.units import Floats
+from ...core.units import Booleans, Floats
 from ...estimation.dwells import median
 from ...model.arrays import EFFECTS
 from ..fitting.bundle_adjustment import LEAST_COUNTED, Data
-from ..fitting.fit import NORMAL_MEDIAN, Fit
+from ..fitting.fit import NORMAL_MEDIAN
 from ..fitting.samples import model_accuracy, row_numbers
 from .alternative import (
     APART_CHANCE,
@@ -33,8 +33,9 @@ from .alternative import (
 )
 from .columns import unknown_columns
 from .entries import ALTERNATIVES, BY_KEY
-from .remainder import Remainder
+from .remainder import Remainder, drop_unknowns
 from .scatter import Together
+from .score import complete_trace, sample_falls, score_columns
 
 #: How many causes are told at most.
 MOST_CAUSES = 4
@@ -62,7 +63,7 @@ MOST_SHIFT, MOST_UNDONE_SHIFT = 1.0, 4.0
 WORST_VARIANCE = 100.0
 #: Unknowns of a run that are no part of the sensor.
 RUN_UNKNOWNS = ("lever.", "apex.", "reference.", "backlash.", "lag.", "time.",
-                "temperature.", "past_", "ahead.")  # fmt: skip
+                "temperature.", "past.")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -71,11 +72,13 @@ class Cause:
 
     traces: of the likeliest alternative, and of its rivals; the first comes first.  remainder: the
     residuals beside the other causes.  shift: by how much it moves the poses, over what is stated.
+    chances: how likely each of the alternatives is, if it is one of them.
     """
 
     traces: tuple[Trace, ...]
     remainder: Remainder
     shift: float
+    chances: tuple[float, ...] = (1.0,)
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
@@ -92,13 +95,16 @@ class Cause:
         return self.traces[0]
 
     @property
-    def lasting_effect(self) -> Floats:
-        """What it may do to readings (n, 9) when poses are measured, in their standard deviations:
-        by the likeliest of its alternatives that stays with the sensor; zero where none does."""
-        for part, trace in zip(self.alternatives, self.traces, strict=True):
+    def lasting_misfit(self) -> Floats:
+        """The mean square (9, 9) of what it may do to readings when poses are measured, mm and mW:
+        by those of its alternatives that stay with the sensor, as likely as each is."""
+        rest, whole = self.remainder, np.zeros((9, 9))
+        count = np.sqrt(np.maximum(rest.is_read.sum(axis=0), 1))
+        for part, trace, chance in zip(self.alternatives, self.traces, self.chances, strict=True):
             if part.persists:
-                return trace_in_use(self.remainder, trace).effect
-        return np.zeros_like(self.remainder.noise)
+                effect = np.nan_to_num(trace_in_use(rest, trace).effect * rest.noise) / count
+                whole += chance * effect.T @ effect
+        return whole
 
     @property
     def size(self) -> float:
@@ -148,18 +154,15 @@ def restore_readings(data: Data, original: Data) -> Data:
     return data._replace(raw=original.raw[rows])
 
 
-def noisy_remainder(
-    sensor: Sensor, data: Data, result: Fit, robust: float | None, together: Together
-) -> Remainder:
+def raise_noise(remainder: Remainder, robust: float | None, together: Together) -> Remainder:
     """The remainder with the noise of each reading that most residuals have, where that is larger
     than the stated one: else whatever follows a few of them would explain the noise."""
-    remainder = Remainder(sensor, data, result, robust, together)
     left = np.where(remainder.is_read, np.abs(remainder.residuals), np.nan)
     size = np.nan_to_num(np.maximum(NORMAL_MEDIAN * median(left), 1.0), nan=1.0)
     if (size < NOISY).all():
         return remainder
-    noise = remainder.noise * size
-    return Remainder(sensor, data._replace(noise=noise), result, robust, together)
+    data = remainder.data._replace(noise=remainder.noise * size)
+    return Remainder(remainder.nominal, data, remainder.fit, robust, together)
 
 
 @one_thread
@@ -200,14 +203,22 @@ def find_causes(remainder: Remainder) -> list[Cause]:
         if not traces or traces[0].score < LEAST_SHARE * (chosen[0].score if chosen else 0.0):
             break
         chosen.append(traces[0])
-    causes = list[Cause]()
-    for trace in chosen:
-        rest = remainder.extend_by([other for other in chosen if other is not trace])
-        traces = clear_traces(rest)
-        if traces:  # else the others explain it
-            several = [whole_trace(rest, trace) for trace in rivals(traces, rest)]
-            causes.append(Cause(tuple(several), rest, pose_shift(rest, several[0])))
-    return causes
+    beside = [remainder.extend_by([part for part in chosen if part is not trace])
+              for trace in chosen]  # fmt: skip
+    return [cause for cause in map(likeliest_cause, beside) if cause]
+
+
+def likeliest_cause(remainder: Remainder) -> Cause | None:
+    """The likeliest alternative and its rivals beside the other causes; None where these explain
+    it."""
+    traces = clear_traces(remainder)
+    if not traces:
+        return None
+    best, *others = rivals(traces, remainder)
+    odds = np.array([1.0, *(odds_against(best, part, remainder) for part in others)])
+    whole = tuple(whole_trace(remainder, trace) for trace in (best, *others))
+    chances = tuple((odds / odds.sum()).tolist())
+    return Cause(whole, remainder, pose_shift(remainder, whole[0]), chances)
 
 
 @one_thread
@@ -228,25 +239,36 @@ def clear_traces(
 ) -> list[Trace]:
     """The alternatives beyond a chance whose effect is larger than the model's own error; the
     likeliest first, those that stand for a group behind its members."""
-    limit = np.log(len(ALTERNATIVES) / chance)
-    traces = list[Trace]()
-    for alternative in alternatives:
-        try:
-            assert alternative.test is not None
-            trace = alternative.test(remainder)
-        except InputError:  # the sensor's model has no such light
-            continue
-        if trace.score <= limit:
-            continue
-        # what unknowns gain by being nearer to what was known before says nothing of the samples
-        trace = trace._replace(fall=float(remainder.sample_falls(trace).sum()))
-        if trace.score > limit and is_visible(remainder, trace):
-            traces.append(trace)
-    traces.sort(key=lambda trace: -trace.score)
-    specific = [trace for trace in traces if not BY_KEY[trace.key].general]
-    if specific and not beats(traces[0], specific[0], remainder):
-        return [*specific, *(trace for trace in traces if BY_KEY[trace.key].general)]
-    return traces
+    limit = float(np.log(len(ALTERNATIVES) / chance))
+    tried = (clear_trace(remainder, alternative, limit) for alternative in alternatives)
+    return sort_traces(list(filter(None, tried)), remainder)
+
+
+def sort_traces(several: list[Trace], remainder: Remainder) -> list[Trace]:
+    """The likeliest first, those that stand for a group behind its members."""
+    traces = sorted(several, key=lambda trace: -trace.score)
+    specific = [trace for trace in traces if not is_general(trace)]
+    is_specific = specific and not beats(traces[0], specific[0], remainder)
+    return sorted(traces, key=is_general) if is_specific else traces
+
+
+def is_general(trace: Trace) -> bool:
+    """Whether it stands for its whole group."""
+    return BY_KEY[trace.key].general
+
+
+def clear_trace(remainder: Remainder, alternative: Alternative, limit: float) -> Trace | None:
+    """The trace of an alternative whose score is beyond a limit, and what it does visible."""
+    assert alternative.test is not None
+    try:
+        trace = alternative.test(remainder)
+    except InputError:  # the sensor's model has no such light
+        return None
+    if trace.score <= limit:
+        return None
+    # what unknowns gain by being nearer to what was known before says nothing of the samples
+    trace = trace._replace(fall=float(sample_falls(remainder, trace).sum()))
+    return trace if trace.score > limit and is_visible(remainder, trace) else None
 
 
 def is_visible(remainder: Remainder, trace: Trace) -> bool:
@@ -262,12 +284,18 @@ def is_visible(remainder: Remainder, trace: Trace) -> bool:
     return bool((size > 1).any())
 
 
-def beats(better: Trace, other: Trace, remainder: Remainder) -> bool:
-    """Whether an alternative is likelier than another by more than chance and linearity allow."""
-    apart = remainder.sample_falls(better) - remainder.sample_falls(other)
+def odds_against(better: Trace, other: Trace, remainder: Remainder) -> float:
+    """How much less likely than an alternative another one is, as far as the scatter of the samples
+    and a linear model can tell: the scores' difference counts by what is the least to beat it."""
+    apart = sample_falls(remainder, better) - sample_falls(remainder, other)
     sigma = float(np.sqrt(len(apart)) * apart.std()) / 2
     least = max(np.log(APART_CHANCE), APART_SIGMAS * sigma, APART_SHARE * better.score)
-    return bool(better.score - other.score > least)
+    return float(APART_CHANCE ** ((other.score - better.score) / least))
+
+
+def beats(better: Trace, other: Trace, remainder: Remainder) -> bool:
+    """Whether an alternative is likelier than another by more than chance and linearity allow."""
+    return odds_against(better, other, remainder) < 1 / APART_CHANCE
 
 
 def rivals(traces: list[Trace], remainder: Remainder) -> list[Trace]:
@@ -275,18 +303,18 @@ def rivals(traces: list[Trace], remainder: Remainder) -> list[Trace]:
     best = traces[0]
     return [best] + [
         trace for trace in traces[1:]
-        if not BY_KEY[trace.key].general and not beats(best, trace, remainder)
+        if not is_general(trace) and not beats(best, trace, remainder)
     ]  # fmt: skip
 
 
 def rivals_of_shape(remainder: Remainder, names: tuple[str, ...]) -> tuple[list[Trace], bool]:
     """What is no light and explains as well what unknowns of the beam's cross-section explain, the
     likeliest first; and whether that beats them."""
-    bare = remainder.drop_unknowns(names)
-    shape = bare.test("shape", unknown_columns(remainder, names))
+    bare = drop_unknowns(remainder, names)
+    shape = score_columns(bare, "shape", unknown_columns(remainder, names))
     others = [
         trace for trace in clear_traces(bare)
-        if BY_KEY[trace.key].group != "light" and not BY_KEY[trace.key].general
+        if BY_KEY[trace.key].group != "light" and not is_general(trace)
         and not beats(shape, trace, bare)
     ]  # fmt: skip
     return others, bool(others) and beats(others[0], shape, bare)
@@ -295,45 +323,62 @@ def rivals_of_shape(remainder: Remainder, names: tuple[str, ...]) -> tuple[list[
 def whole_trace(remainder: Remainder, trace: Trace) -> Trace:
     """The trace, complete where that moves the poses by the sensor's own parameters; another place
     of the mirror on the reference moves none."""
-    whole = remainder.complete(trace)
+    whole = complete_trace(remainder, trace)
     apart = trace._replace(amounts=whole.amounts - trace.amounts)
-    moved, variance, _ = shifted_poses(remainder, apart)
-    over = np.sqrt((moved**2).mean(axis=0) / variance)
+    slopes = pose_slopes(remainder)
+    moved = shifted_poses(remainder, slopes, apart)
+    over = np.sqrt((moved**2).mean(axis=0) / slopes.variance)
     return whole if over.max() > LEAST_COUNTED else trace
 
 
 def pose_shift(remainder: Remainder, trace: Trace) -> float:
     """By how much an alternative moves solved poses, r.m.s., over their stated uncertainty; the
     worst axis, the beam known and the power unknown."""
-    moved, variance, across = shifted_poses(remainder, trace)
+    slopes = pose_slopes(remainder)
+    moved, across = shifted_poses(remainder, slopes, trace), slopes.by_unknowns
     size = across.shape[2]
     covariance = remainder.covariance[:size, :size]
     stated = np.einsum("nip,pq,niq->i", across, covariance, across, optimize=True) / len(across)
-    return float(np.sqrt((moved**2).mean(axis=0) / (variance + stated)).max())
+    return float(np.sqrt((moved**2).mean(axis=0) / (slopes.variance + stated)).max())
 
 
-def shifted_poses(remainder: Remainder, trace: Trace) -> tuple[Floats, Floats, Floats]:
-    """By how much an alternative moves solved poses (n, 6), the variance of one by its readings
-    (6,), and the poses' derivatives by the sensor's parameters (n, 6, p).
+class PoseSlopes(NamedTuple):
+    """The derivatives of solved poses, in `OWN_UNITS`.
+
+    known: the samples (n,) whose readings fix their pose.  by_readings: (m, 6, 9) of these, in
+    standard deviations.  by_unknowns: (m, 6, p) by the fit's unknowns that belong to the sensor.
+    variance: (6,) of one pose by its readings.
+    """
+
+    known: Booleans
+    by_readings: Floats
+    by_unknowns: Floats
+    variance: Floats
+
+
+def pose_slopes(remainder: Remainder) -> PoseSlopes:
+    like = remainder.likelihood
+    names = remainder.fit.choice.names
+    kept = np.array([not name.startswith(RUN_UNKNOWNS) for name in names])
+    by_pose = like.own[:, :, :7]
+    inner = np.linalg.inv(np.swapaxes(by_pose, 1, 2) @ by_pose + 1e-9 * np.eye(7))
+    gain = (inner @ np.swapaxes(by_pose, 1, 2))[:, :6]
+    each = np.diagonal(inner, axis1=1, axis2=2)[:, :6]
+    size = each.max(axis=1)
+    known = size <= WORST_VARIANCE * np.median(size)
+    by_unknowns = (gain @ (like.common * kept))[known]
+    return PoseSlopes(known, gain[known], by_unknowns, each[known].mean(axis=0))
+
+
+def shifted_poses(remainder: Remainder, slopes: PoseSlopes, trace: Trace) -> Floats:
+    """By how much an alternative moves solved poses (m, 6).
 
     What stays with the sensor acts on every reading; what does not, by the unknowns that it would
     have moved.
     """
-    like = remainder.likelihood
-    names = remainder.fit.choice.names
-    kept = np.array([not name.startswith(RUN_UNKNOWNS) for name in names])
-    common = like.common * kept
     used = trace_in_use(remainder, trace)
-    if BY_KEY[trace.key].persists:
-        error = used.effect
-    else:
-        error = common @ remainder.shift_of_unknowns(used)
-    error = error * remainder.is_read
-    by_pose = like.own[:, :, :7]
-    inner = np.linalg.inv(np.swapaxes(by_pose, 1, 2) @ by_pose + 1e-9 * np.eye(7))
-    gain = (inner @ np.swapaxes(by_pose, 1, 2))[:, :6]
-    moved = (gain @ error[:, :, None])[:, :, 0]
-    each = np.diagonal(inner, axis1=1, axis2=2)[:, :6]
-    size = each.max(axis=1)
-    known = size <= WORST_VARIANCE * np.median(size)  # others lack readings that fix their pose
-    return moved[known], each[known].mean(axis=0), (gain @ common)[known]
+    if not BY_KEY[trace.key].persists:
+        return slopes.by_unknowns @ remainder.shift_of_unknowns(used)
+    error = (used.effect * remainder.is_read)[slopes.known]
+    moved: Floats = (slopes.by_readings @ error[:, :, None])[:, :, 0]
+    return moved

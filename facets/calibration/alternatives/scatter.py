@@ -128,16 +128,11 @@ class Likelihood:
         ]
         self.noise = np.where(good, 1 / np.maximum(weights, LEAST_WEIGHT), 1.0)
         self.own = by_own
-        diagonal = np.sqrt(self.noise * good)[:, :, None] * np.eye(9)
-        order = [*PLACE_READINGS, 2, 5, 8]
         assert task.data.noise is not None
         by_um = np.where(good, PLACE_UNIT_MM / task.data.noise, 0.0)
         self.by_um = (by_um[:, :, None] * np.eye(9))[:, :, PLACE_READINGS]
-        late = np.zeros((len(by_own), 6, 1))
-        if task.data.velocity is not None:
-            late[:, :, 0] = CLOCK_UNIT_S * task.data.velocity / OWN_UNITS[:6]
-        parts = [by_own, diagonal[:, :, order], by_own[:, :, :6] @ late]
-        self.columns = np.concatenate(parts, axis=2)
+        noise = np.sqrt(self.noise * good)
+        self.columns = scatter_columns(by_own, noise, task.data.velocity)
         self.prior = task.prior
         self.before = (at.values - task.start)[task.choice.places]
 
@@ -221,9 +216,7 @@ class Likelihood:
             factor = np.where(free, np.sqrt(square / np.maximum(expected, 1e-300)), 1.0)
             matrices = [matrix] * 4
             if has_matrix:
-                block = np.s_[len(own) :, len(own) :]
-                for n in range(3):
-                    matrices[n + 1] = geometric_mean(matrices[n], seen[block], due[block])
+                matrices = geometric_means(matrix, seen, due)
             times = 3
             following = self.restrict(known, sizes * factor**3, beside(matrices[3] - base))
             if following.unlikely > at.unlikely:
@@ -241,6 +234,15 @@ class Likelihood:
         size = np.sqrt(np.maximum(np.diag(due), 1e-300))
         apart = (seen - due) / size / size[:, None] * np.sqrt(len(self.residual))
         return chance_of(float((apart[IS_BETWEEN] ** 2).sum()) / 2, 12) < TOLD_CHANCE
+
+
+def scatter_columns(by_own: Floats, noise: Floats, velocity: Floats | None) -> Floats:
+    """What may scatter in each sample: the columns (n, 9, 19) of `OF_COLUMN`."""
+    diagonal = (noise[:, :, None] * np.eye(9))[:, :, [*PLACE_READINGS, 2, 5, 8]]
+    late = np.zeros((len(by_own), 6, 1))
+    if velocity is not None:
+        late[:, :, 0] = CLOCK_UNIT_S * velocity / OWN_UNITS[:6]
+    return np.concatenate([by_own, diagonal, by_own[:, :, :6] @ late], axis=2)
 
 
 def erring_column(sensor: Sensor, data: Data, result: Fit) -> str | None:
@@ -273,6 +275,14 @@ def geometric_mean(covariance: Floats, seen: Floats, due: Floats) -> Floats:
     half = np.linalg.solve(root.T, ways * np.maximum(level, 0.0) ** 0.25)
     whole: Floats = half @ half.T
     return whole
+
+
+def geometric_means(matrix: Floats, seen: Floats, due: Floats) -> list[Floats]:
+    """A covariance of the last columns, and that after one, two and three steps."""
+    last, every = np.s_[-len(matrix) :, -len(matrix) :], [matrix]
+    for _ in range(3):
+        every.append(geometric_mean(every[-1], seen[last], due[last]))
+    return every
 
 
 class RestrictedLikelihood(NamedTuple):
@@ -353,6 +363,15 @@ class Scatter(NamedTuple):
             matrix = matrix / size / size[:, None]
         return self.together._replace(matrix=matrix)
 
+    def total_noise(self, noise: Floats) -> Floats:
+        """The noise (n, 9) of readings with their scatter."""
+        out: Floats = noise * np.hypot(1.0, self.size_of(POWERS))
+        unit = PLACE_UNIT_MM if self.together.is_absolute else noise[:, PLACE_READINGS]
+        beside = unit * np.sqrt(np.diag(self.together.matrix))
+        own = noise[:, PLACE_READINGS] * np.hypot(1.0, self.size_of(PLACES))
+        out[:, PLACE_READINGS] = np.hypot(own, beside)
+        return out
+
     def size_of(self, name: str) -> float:
         return float(self.sizes[NAMES.index(name)])
 
@@ -423,6 +442,20 @@ class SizeProblem(NamedTuple):
         found = min(every, key=lambda sizes: sizes.unlikely)
         return found._replace(unlikely=found.unlikely + self.cost(causes))
 
+    @property
+    def start_unlikely(self) -> float:
+        """-2 log L of the sizes that the fit had."""
+        return self.like.restrict(self.known, self.start).unlikely
+
+    @property
+    def several(self) -> list[tuple[str, ...]]:
+        """The sets of causes that may scatter together."""
+        return [
+            keys for count in range(1, len(self.causes) + 1)
+            for keys in combinations(self.causes, count)
+            if not {DETECTOR_SCATTER, SUPPLY_SCATTER} <= set(keys)
+        ]  # fmt: skip
+
     def cost(self, causes: tuple[str, ...]) -> float:
         return 2 * TOGETHER_COUNT * (SUPPLY_SCATTER in causes)
 
@@ -451,12 +484,7 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
     """Choose one cause if it is hardly less likely than the best of all together, else two, and so
     on. The covariance of the places holds the detectors' sizes, so these are not tried beside it.
     """
-    several = [
-        keys for count in range(1, len(problem.causes) + 1)
-        for keys in combinations(problem.causes, count)
-        if not {DETECTOR_SCATTER, SUPPLY_SCATTER} <= set(keys)
-    ]  # fmt: skip
-    tried = dict[tuple[str, ...], Sizes]()
+    several, tried = problem.several, dict[tuple[str, ...], Sizes]()
 
     def likeliest(count: int) -> tuple[str, ...]:
         tried.update((keys, problem.sizes(keys)) for keys in several if len(keys) == count)
@@ -472,8 +500,7 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
     likely = tried[best].unlikely + 2 * np.log(APART_CHANCE)
     singles = [keys for keys, sizes in tried.items() if len(keys) == 1 and sizes.unlikely < likely]
     others = tuple(keys[0] for keys in singles if keys != best)
-    before = problem.like.restrict(problem.known, problem.start).unlikely
-    fall = before - tried[best].unlikely + problem.cost(best)
+    fall = problem.start_unlikely - tried[best].unlikely + problem.cost(best)
     return tried[best].scatter(best, others, fall, problem.like)
 
 
@@ -485,16 +512,11 @@ def update_sizes(problem: SizeProblem, scatter: Scatter) -> Scatter:
 def add_scatter(data: Data, chosen: Choice, scatter: Scatter) -> tuple[Data, Choice]:
     """Add the scatter to the prior uncertainties of samples and choice."""
     assert data.noise is not None
-    noise = data.noise * np.hypot(1.0, scatter.size_of(POWERS))
-    unit = PLACE_UNIT_MM if scatter.together.is_absolute else data.noise[:, PLACE_READINGS]
-    beside = unit * np.sqrt(np.diag(scatter.together.matrix))
-    own = data.noise[:, PLACE_READINGS] * np.hypot(1.0, scatter.size_of(PLACES))
-    noise[:, PLACE_READINGS] = np.hypot(own, beside)
     late = 0.0 if data.velocity is None else np.sqrt((data.velocity**2).mean(axis=0))
     further = np.hypot(scatter.sizes[:6], scatter.size_of(CLOCK) * late)
     power = scatter.size_of("power") if 0 < chosen.power < np.inf else chosen.power
     return (
-        data._replace(sigma=np.hypot(data.sigma, further), noise=noise),
+        data._replace(sigma=np.hypot(data.sigma, further), noise=scatter.total_noise(data.noise)),
         replace(
             chosen, power=max(power, JITTERS[0]) if power else power, beam=scatter.size_of("beam")
         ),
@@ -576,7 +598,7 @@ def fit_steady_laser(sensor: Sensor, data: Data, result: Fit, robust: float | No
     if data.slow is None or not result.choice.power:
         return result
     start = result if np.isfinite(result.choice.power) else add_slow_drift(data, result)
-    jitter = estimate_jitter(sensor, data, start, robust)
+    jitter = estimate_jitter(Task(sensor, data, start.choice, robust), start)
     before = result.choice.power
     if jitter is None or max(jitter, before) < SAME_JITTER_FACTOR * min(jitter, before):
         return result
@@ -589,12 +611,7 @@ def add_slow_drift(data: Data, result: Fit) -> Fit:
     again."""
     assert data.slow is not None
     rows = np.column_stack([np.ones(len(data.slow)), data.slow])
-    power, weight = result.own_values[:, 6], np.ones(len(rows))
-    for _ in range(5):
-        ways, *_ = np.linalg.lstsq(rows * weight[:, None], power * weight, rcond=None)
-        residual = power - rows @ ways
-        jitter = max(float(JITTERS[0]), NORMAL_MEDIAN * float(np.median(np.abs(residual))))
-        weight = huber_roots(residual / jitter, 3.0)
+    ways, residual, jitter = robust_drift(rows, result.own_values[:, 6])
     level = result.all_values[PLACE["beam.power"]]
     if level * (1 + ways[0]) <= 0:
         raise InputError(
@@ -611,18 +628,30 @@ def add_slow_drift(data: Data, result: Fit) -> Fit:
     return replace(result, choice=wide, all_values=every, own_values=own_values)
 
 
-def estimate_jitter(sensor: Sensor, data: Data, start: Fit, robust: float | None) -> float | None:
+def robust_drift(rows: Floats, power: Floats) -> tuple[Floats, Floats, float]:
+    """The amounts of columns of rows (n, q) that powers (n,) follow but for a few, what is left of
+    these, and by how much they jitter."""
+    weight: Floats = np.ones(len(rows))
+    for _ in range(5):
+        fitted, *_ = np.linalg.lstsq(rows * weight[:, None], power * weight, rcond=None)
+        ways: Floats = np.asarray(fitted, dtype=float)
+        residual = power - rows @ ways
+        jitter = max(float(JITTERS[0]), NORMAL_MEDIAN * float(np.median(np.abs(residual))))
+        weight = huber_roots(residual / jitter, 3.0)
+    return ways, residual, jitter
+
+
+def estimate_jitter(task: Task, start: Fit) -> float | None:
     """The largest jitter that is about as likely as the likeliest; None beyond all of `JITTERS`."""
-    task = Task(sensor, data, start.choice, robust)
-    unlikely = jitter_likelihoods(task, start)
+    known = prior_variances(task.data, task.choice)
+    known[7:] = (task.choice.beam / OWN_UNITS[7]) ** 2
+    unlikely = jitter_likelihoods(Likelihood(task, start), known)
     good = np.flatnonzero(unlikely < unlikely.min() + ONE_SIGMA_FALL)
     return None if good[-1] == len(JITTERS) - 1 else float(JITTERS[good[-1]])
 
 
-def jitter_likelihoods(task: Task, start: Fit) -> Floats:
-    """-2 log L of each of `JITTERS`, up to a constant, by the model linearised at a fit."""
-    like, known = Likelihood(task, start), prior_variances(task.data, task.choice)
-    known[7:] = (task.choice.beam / OWN_UNITS[7]) ** 2
+def jitter_likelihoods(like: Likelihood, known: Floats) -> Floats:
+    """-2 log L of each of `JITTERS`, up to a constant.  known: see `Likelihood.variance`."""
     out = np.empty(len(JITTERS))
     for n, jitter in enumerate(JITTERS.tolist()):
         known[6] = (jitter / OWN_UNITS[6]) ** 2

@@ -65,19 +65,39 @@ CLEAR_SIGMAS, LEAST_COUNTED = 4.0, 0.3
 MISSING_RESIDUAL = 1e4
 
 
+Rows = NDArray[np.bool_] | NDArray[np.int64] | slice
+
+
+class Moves(NamedTuple):
+    """How the reference moved about each sample, in the order of the rows.
+
+    approach: (n, 6) the signs of each axis's last step; 0 where none is known.  last: (n, 6) by how
+    much it moved since the row before.  before: (n, 9) the readings of that row.  following: (n, 6)
+    by how much it moves to the row behind.  bend: (n, 6) the second difference of its poses there,
+    by the two rows on both sides alone.
+    """
+
+    approach: Floats
+    last: Floats
+    before: Floats
+    following: Floats
+    bend: Floats
+
+    def part(self, rows: Rows) -> Moves:
+        return Moves(*(column[rows] for column in self))
+
+
 class Data(NamedTuple):
     """The samples of a calibration.  raw: (n, 9) as the detectors gave them.  pose: (n, 6) by the
     reference, mm and rad.
 
     sigma: (6,) its standard uncertainty; infinite for an axis that it does not measure, whose
     column then holds the initial guess. beam: (n, 2) mm. velocity, acceleration: (n, 6) in mm, rad
-    and s. clock: (n, 5) by `CLOCKS`: time in half runs from -1 to 1, temperature less its mean, K,
-    means of its past less the temperature, K, and its change, K a half run. noise: (n, 9) standard
+    and s. clock: (n, 3) by `CLOCKS`: time in half runs from -1 to 1, temperature less its mean, K,
+    and one of `pasts` or zero. pasts: (n, m) by how much things that follow the temperature late,
+    or that a thermometer follows, are warmer than it, K. noise: (n, 9) standard
     deviations of the readings, which then follow no unknown. slow: (n, 5) polynomials for the
-    laser's power over the run. approach: (n, 6) the signs of each axis's last step; 0 where none is
-    known. step: (n, 6) by how much the reference moved since the row before. before: (n, 9) the
-    readings of that row. next_step: (n, 6) by how much the reference moves to the row behind. bend:
-    (n, 6) the second difference of its poses there, by the two rows on both sides alone. rows: (n,)
+    laser's power over the run. moves: from row to row. rows: (n,)
     number of rows of the table in a sample's mean; None where each sample is one row. number: (n,)
     the table's row, from 1, or the number of the stand where rows were averaged. temperature: the
     mean one, degrees Celsius.
@@ -90,34 +110,37 @@ class Data(NamedTuple):
     velocity: Floats | None = None
     acceleration: Floats | None = None
     clock: Floats | None = None
+    pasts: Floats | None = None
     noise: Floats | None = None
     slow: Floats | None = None
-    approach: Floats | None = None
-    step: Floats | None = None
-    before: Floats | None = None
-    next_step: Floats | None = None
-    bend: Floats | None = None
+    moves: Moves | None = None
     rows: Floats | None = None
     number: NDArray[np.int64] | None = None
     temperature: float | None = None
 
-    def part(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Data:
+    def part(self, rows: Rows) -> Data:
         kept = {
             name: value[rows]
             for name, value in self._asdict().items()
-            if value is not None and name not in ("sigma", "temperature")
+            if value is not None and name not in ("sigma", "temperature", "moves")
         }
-        return self._replace(**kept)
+        return self._replace(**kept, moves=self.moves and self.moves.part(rows))
+
+    def follow(self, n: int) -> Data:
+        """The samples in which something follows the temperature by one of `pasts`."""
+        clock = None
+        if self.clock is not None and self.pasts is not None:
+            clock = np.column_stack([self.clock[:, :-1], self.pasts[:, n]])
+        return self._replace(clock=clock)
 
 
 def pose_of(data: Data, own_values: Floats, values: Floats) -> Floats:
     """The reference's pose of each sample (n, 6), with the delay and the sample's own part added
     and backlash and lag subtracted."""
     pose: Floats = data.pose + own_values[:, :6]
-    if data.approach is not None:
-        pose = pose - values[block(BACKLASH)] * data.approach
-    if data.step is not None:
-        pose = pose - values[block(LAG)] * data.step
+    if data.moves is not None:
+        pose = pose - values[block(BACKLASH)] * data.moves.approach
+        pose = pose - values[block(LAG)] * data.moves.last
     if data.velocity is not None:
         late = values[PLACE[DELAY]]
         pose = pose + late * velocity_after(data, late / 2)
@@ -181,13 +204,13 @@ def add_approach(data: Data) -> Data:
     bend = np.zeros(step.shape)
     pose = data.pose
     bend[2:-2] = (pose[4:] + pose[:-4] - pose[3:-1] - pose[1:-3]) / 3
-    return data._replace(
+    return data._replace(moves=Moves(
         approach=np.take_along_axis(sign, latest, axis=0),
-        step=step,
-        next_step=np.concatenate([step[1:], np.zeros((1, 6))]),
-        bend=bend,
+        last=step,
         before=np.concatenate([data.raw[:1], data.raw[:-1]]),
-    )
+        following=np.concatenate([step[1:], np.zeros((1, 6))]),
+        bend=bend,
+    ))  # fmt: skip
 
 
 def predict_readings(
@@ -338,18 +361,20 @@ def add_run(every: Floats, data: Data, by_own: Floats, by_state: Floats, late: f
         every[:, :, PLACE[DELAY]] = moving
         for k, name in enumerate(SKEW):
             every[:, 3 * k : 3 * k + 3, PLACE[name]] = moving[:, 3 * k : 3 * k + 3]
-    if data.approach is not None:
-        every[:, :, block(BACKLASH)] = -by_own[:, :, :6] * data.approach[:, None, :]
-    if data.step is not None:
-        every[:, :, block(LAG)] = -by_own[:, :, :6] * data.step[:, None, :]
-    if data.clock is None:
-        return
-    by_drift = np.zeros((len(by_own), 9, len(OF_DRIFT)))
+    if data.moves is not None:
+        every[:, :, block(BACKLASH)] = -by_own[:, :, :6] * data.moves.approach[:, None, :]
+        every[:, :, block(LAG)] = -by_own[:, :, :6] * data.moves.last[:, None, :]
+    if data.clock is not None:
+        every[:, :, block(DRIFTS)] = drift_columns(data.clock, by_state)
+
+
+def drift_columns(clock: Floats, by_state: Floats) -> Floats:
+    """The columns (n, 9, 24) of `DRIFTS`, by the derivatives (n, 9, 8) by the mirror's states."""
+    by_drift = np.zeros((len(by_state), 9, len(OF_DRIFT)))
     by_drift[:, :, :2] = by_state[:, :, 6:]
     by_drift[:, PLACES, np.arange(2, len(OF_DRIFT))] = 1.0
-    for n in range(len(CLOCKS)):
-        start = block(DRIFTS).start + n * len(OF_DRIFT)
-        every[:, :, start : start + len(OF_DRIFT)] = by_drift * data.clock[:, n, None, None]
+    each: Floats = clock[:, None, :, None] * by_drift[:, :, None, :]
+    return each.reshape(*by_drift.shape[:2], -1)
 
 
 def pad_own_values(own_values: Floats) -> Floats:

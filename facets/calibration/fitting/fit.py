@@ -159,6 +159,13 @@ class Guess:
     own_values: Floats
     residual: Floats
 
+    @property
+    def mean_power_values(self) -> Floats:
+        """The values with the mean of the samples' power."""
+        values = self.values.copy()
+        values[PLACE["beam.power"]] *= 1 + float(self.own_values[:, 6].mean())
+        return values
+
 
 class Task:
     """The samples, the unknowns and the prior of a fit."""
@@ -207,6 +214,10 @@ class Task:
         model = linearise_model(at.sensor, self.data, at.own_values, at.values, self.choice)
         weights = huber_roots(model.residual, limit)
         return model, weights, eliminate_own_unknowns(model, weights, at.own_values, self.own_sigma)
+
+
+class Descent(Task):
+    """The steps of a fit from a guess to its end."""
 
     def add_prior(self, at: Guess, normal: Normal) -> tuple[Floats, Floats]:
         """Add the prior to the normal equations."""
@@ -358,7 +369,7 @@ def fit(
     to the same samples, to begin from.  rule: when the fit ends. Raises `InputError` if there are
     too few samples or unknowns. `Fit.cause` says why a fit did not settle.
     """
-    task = Task(sensor, data, choice, robust)
+    task = Descent(sensor, data, choice, robust)
     if start is None:
         at = task.guess(task.start, solve_open_axes(data, sensor))
     else:
@@ -443,10 +454,10 @@ def calibrated_sensor(
     The power is the mean over the samples if each had its own; the facets include the mirror's
     rotation on the reference; the mirror's place and the drifts are left out.
     """
-    names, values = list(task.choice.names), at.values.copy()
+    names, values = list(task.choice.names), at.values
     if np.isinf(task.choice.power):
         covariance = add_mean_power(task, at, normal, covariance)
-        values[PLACE["beam.power"]] *= 1 + float(at.own_values[:, 6].mean())
+        values = at.mean_power_values
         names.append("beam.power")
     known = sensor_covariance(names, values, covariance)
     known = replace(known, degrees_of_freedom=joint_freedom(task, freedom))

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from ...core.sensor import Sensor
 from ...core.units import Floats
+from ...detectors.calibrated import TEMPERATURE
 from ...detectors.correction import correct
 from ...detectors.noise import standard_deviations, step_variances
 from ...estimation.dwells import mean, median
 from ...model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations
 from .fit import NORMAL_MEDIAN, Fit, fit
+from .unknowns import TIME_DRIFT, block
 
 #: Largest usual error of the model of real light against rays and propagated fields, mm. Residuals
 #: do not show it where the unknowns absorb it.
@@ -51,9 +53,7 @@ def find_outliers(
     scale = np.maximum(1.0, NORMAL_MEDIAN * median(size))
     if any(name in EFFECTS for name in result.choice.names):
         scale = np.maximum(scale, median(model_accuracy(data) / deviations(sensor, data)))
-    with np.errstate(invalid="ignore"):
-        off = size > robust * scale / LEAST_WEIGHT
-    return np.asarray(off.any(axis=1))
+    return np.asarray((size > robust * scale / LEAST_WEIGHT).any(axis=1))
 
 
 def model_accuracy(data: Data, place: float = PLACE_ACCURACY_MM) -> Floats:
@@ -62,6 +62,28 @@ def model_accuracy(data: Data, place: float = PLACE_ACCURACY_MM) -> Floats:
     accuracy = np.full(9, place)
     accuracy[2::3] = POWER_ACCURACY * median(data.raw)[2::3]
     return accuracy
+
+
+#: The correlation from which on two courses look the same.
+ALIKE = 0.95
+
+
+def warms_with_time(data: Data) -> bool:
+    """Whether the temperature goes with the time, or with the rows, through the whole run."""
+    if data.clock is None or not data.clock[:, 1].any():
+        return False
+    time = data.clock[:, 0] if data.clock[:, 0].any() else row_numbers(data)
+    return bool(abs(np.corrcoef(time, data.clock[:, 1])[0, 1]) > ALIKE)
+
+
+def half_drift(result: Fit, data: Data) -> Floats:
+    """By how much (8,) the beam and the places drifted in half a run, mm: with the time, and with a
+    temperature that cannot be told from it."""
+    drifted: Floats = result.all_values[block(TIME_DRIFT)]
+    if warms_with_time(data):
+        assert data.clock is not None
+        drifted = drifted + result.all_values[block(TEMPERATURE)] * np.ptp(data.clock[:, 1]) / 2
+    return drifted
 
 
 def row_numbers(data: Data) -> NDArray[np.int64]:
@@ -106,19 +128,22 @@ def average_equal_poses(sensor: Sensor, data: Data) -> Data:
     )
     if (counts == 1).all() or np.isinf(data.sigma).all():
         return data
-    noise = deviations(sensor, data)
-    merged = data.part(first)
-    raw, sigma = np.empty((len(first), 9)), np.empty((len(first), 9))
+    noise, group = deviations(sensor, data), group.ravel()
+    parts = [mean_readings(data.raw[group == n], noise[group == n]) for n in range(len(first))]
+    raw, sigma = np.array(parts).swapaxes(0, 1)
     rows = np.ones(len(data.raw)) if data.rows is None else data.rows
-    for n in range(len(first)):
-        same = group.ravel() == n
-        raw[n] = [mean(column) for column in data.raw[same].T]
-        there = np.isfinite(data.raw[same])
-        with np.errstate(invalid="ignore"):  # no reading at all
-            sigma[n] = np.where(there, noise[same], 0.0).sum(axis=0) / there.sum(axis=0) ** 1.5
-    whole = np.bincount(group.ravel(), rows)
+    whole = np.bincount(group, rows)
     order = np.argsort(first)
-    return merged._replace(raw=raw, noise=sigma, rows=whole.astype(float)).part(order)
+    merged = data.part(first)._replace(raw=raw, noise=sigma, rows=whole.astype(float))
+    return merged.part(order)
+
+
+def mean_readings(raw: Floats, noise: Floats) -> tuple[Floats, Floats]:
+    """The mean (9,) of readings (n, 9) with their noise, and its noise."""
+    there = np.isfinite(raw)
+    with np.errstate(invalid="ignore"):  # no reading at all
+        sigma = np.where(there, noise, 0.0).sum(axis=0) / there.sum(axis=0) ** 1.5
+    return np.array([mean(column) for column in raw.T]), sigma
 
 
 def add_converter_steps(sensor: Sensor, data: Data) -> Data:

@@ -142,12 +142,12 @@ BACKLASH = tuple(f"backlash.{name}" for name in POSE)
 LAG = tuple(f"lag.{name}" for name in POSE)
 #: What may drift: the beam's place, and each reading of a place.
 OF_DRIFT = ("bx", "by", *(f"{kind}_{k}" for k in DETECTORS for kind in ("psi", "zeta")))
-#: By what, in the order of `Data.clock`; the last: how far the temperature's past is from it, by
+#: By what, in the order of `Data.clock`; the last: how far what follows the temperature late, or
 #: two time constants, and how fast it changes, which a late thermometer shows too late.
-CLOCKS = ("time", "temperature", "past_1", "past_2", "ahead")
+CLOCKS = ("time", "temperature", "past")
 DRIFTS = tuple(f"{cause}.{what}" for cause in CLOCKS for what in OF_DRIFT)
 TIME_DRIFT = DRIFTS[: len(OF_DRIFT)]
-PAST = tuple(name for name in DRIFTS if name.startswith(("past", "ahead")))
+PAST = DRIFTS[-len(OF_DRIFT) :]
 
 #: The laser's slow drift, shares: polynomials over the run.
 POWER_DRIFT = tuple(f"time.power_{n}" for n in range(1, 6))

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...calibration.fitting.samples import row_numbers
 from ...core.hues import chosen_hues
-from ...core.names import DETECTORS, KINDS, POSE
+from ...core.names import DETECTORS, FINE_UNITS, KINDS, POSE
 from ...core.units import Floats, write_micro
 from .. import style
+from ..reports.report_page import inline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,8 +21,8 @@ if TYPE_CHECKING:
     from ...calibration.fitting.bundle_adjustment import Data
     from ...calibration.fitting.fit import Fit
 
-#: Ends of the scale of mean residuals, standard errors.
-ENDS = 3.0
+#: Ends of the scale of mean residuals, standard errors; parts of which a course shows the means.
+ENDS, COURSE_PARTS = 3.0, 12
 
 
 def residual_picture(data: Data, result: Fit, table: dict[str, NDArray[Any]]) -> Figure:
@@ -46,6 +48,41 @@ def residual_picture(data: Data, result: Fit, table: dict[str, NDArray[Any]]) ->
         style.colour_bar(upper, image, panels, words, shrink=0.6, extend="both")
         draw_comparison(lower, table)
     return picture
+
+
+def course_picture(data: Data, result: Fit) -> Figure:
+    """Draw mean residuals over their standard errors along each axis of the reference and along the
+    rows, a row of panels for each reading and a line for each detector.
+
+    What an unmodelled effect leaves follows a pose or the time; noise goes up and down about zero.
+    """
+    hues = chosen_hues()
+    courses = [*(data.pose / FINE_UNITS[:6] / 1e3).T, row_numbers(data)]
+    names = [*(f"{name}, {'mm' if n < 3 else 'mrad'}" for n, name in enumerate(POSE)), "row"]
+    with style.style_context():
+        picture = style.figure(style.FULL, 4.6)
+        panels: Any = picture.subplots(3, len(names), sharex="col", sharey=True)
+        for column, (course, name) in enumerate(zip(courses, names, strict=True)):
+            parts = np.array_split(np.argsort(course), COURSE_PARTS)
+            at = [course[part].mean() for part in parts]
+            for reading, left in enumerate(np.where(np.isfinite(data.raw), result.residuals, 0).T):
+                panels[reading % 3, column].plot(
+                    at, [left[part].mean() * np.sqrt(len(part)) for part in parts], lw=0.9,
+                    color=hues.detectors[DETECTORS[reading // 3]],
+                    label=DETECTORS[reading // 3].upper(),
+                )  # fmt: skip
+            panels[2, column].set_xlabel(name)
+            panels[2, column].locator_params(nbins=3)
+        for panel, kind in zip(panels[:, 0], KINDS, strict=True):
+            panel.set_ylabel(f"{kind}, std. errors")
+        style.panels_legend(picture, panels[0], 3)
+    return picture
+
+
+def residual_drawing(data: Data, result: Fit, table: dict[str, NDArray[Any]]) -> str:
+    """The residuals by place on the detectors, by pose and by row, as SVG of a page."""
+    faces, courses = residual_picture(data, result, table), course_picture(data, result)
+    return inline(faces, "Residuals by place") + inline(courses, "Residuals by pose and row")
 
 
 def face(panel: Axes, spots: Floats, left: Floats, letter: str, kind: str) -> Any:

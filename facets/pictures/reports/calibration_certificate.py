@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from hashlib import sha256
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -65,12 +65,18 @@ DOES_NOT_STATE = (
 )
 
 
+class ReportFiles(NamedTuple):
+    """The page to write, and the files read and written, whose checksums it states."""
+
+    page: Path
+    sources: list[Path]
+    results: list[Path]
+
+
 def write_report(
-    settings: Config, calibrated: Config, verdict: Verdict, path: Path, sources: list[Path],
-    results: list[Path],
-) -> None:  # fmt: skip
-    """Write the page.  calibrated: the written configuration.  sources, results: files read and
-    written, whose checksums the page states."""
+    settings: Config, calibrated: Config, verdict: Verdict, drawing: str, files: ReportFiles
+) -> None:
+    """Write the page.  calibrated: the written configuration.  drawing: of the residuals."""
     statement = settings.calibrate.statement
     what = statement.sensor or settings.name
     summary, warning = "The checks of this calibration found no reason to reject it.", ""
@@ -86,14 +92,14 @@ def write_report(
     if warning:
         sheet += " · NOT VALID"
     text = report(
-        title, summary, sections(settings, calibrated, verdict, sources, results),
+        title, summary, sections(settings, calibrated, verdict, drawing, files),
         origin_line(settings), warning, sheet,
     )  # fmt: skip
-    write_text(path, text)
+    write_text(files.page, text)
 
 
 def sections(
-    settings: Config, calibrated: Config, verdict: Verdict, sources: list[Path], results: list[Path]
+    settings: Config, calibrated: Config, verdict: Verdict, drawing: str, files: ReportFiles
 ) -> list[ReportSection]:
     assert verdict.fit is not None
     assert verdict.search is not None
@@ -128,6 +134,10 @@ def sections(
                 ("Errors of solved poses against the reference: robust estimate, stated standard "
                  "uncertainty, and share within 95 % intervals.",),
                 ("axis", "error", "stated", "unit", "held, %"), error_rows(verdict.errors)),
+        ReportSection("Residuals",
+                ("Over each detector's face, and along the pose and the rows: noise has no shape "
+                 "there.",),
+                drawing=drawing, wide=True),
         ReportSection("Correlations of poses",
                 ("Coefficients of what the calibration causes, at rest.",), ("", *POSE),
                 pose_correlations(whole)),
@@ -137,7 +147,7 @@ def sections(
                 range_rows(verdict, states, statement.temperature)),
         ReportSection("Findings of the checks", findings or ["None."], wide=True),
         ReportSection("Method, software and files", wide=True,
-                rows=method_rows(settings, verdict, sources, results)),
+                rows=method_rows(settings, verdict, files)),
     ]  # fmt: skip
 
 
@@ -295,9 +305,7 @@ def range_rows(
     return [*rows, ["temperature", *ends, "°C"]]
 
 
-def method_rows(
-    settings: Config, verdict: Verdict, sources: list[Path], results: list[Path]
-) -> list[list[str]]:
+def method_rows(settings: Config, verdict: Verdict, files: ReportFiles) -> list[list[str]]:
     assert verdict.fit is not None
     assert verdict.search is not None
     fit, origin = verdict.fit, provenance_header(settings)
@@ -315,7 +323,7 @@ def method_rows(
     ]  # fmt: skip
     sums = [
         [f"{kind}: {path.name}", f"sha256 {sha256(path.read_bytes()).hexdigest()}"]
-        for kind, paths in (("read", sources), ("written", results))
+        for kind, paths in (("read", files.sources), ("written", files.results))
         for path in paths
     ]
     return [*about, *sums]
