@@ -10,13 +10,13 @@ form (two terms for each edge), since rays know none; background light is added 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from facets.bench.ray_model import rotation
-from facets.core.sensor import BenchLight, Psd, Sensor
+from facets.core.sensor import Beam, BenchLight, Facet, Psd, Sensor
 from facets.core.units import Floats
 
 #: Nodes between the edges and away from the apex; how far the net goes, in the beam's sigmas.
@@ -136,8 +136,8 @@ class RayBeam(NamedTuple):
     y: Floats
 
     @classmethod
-    def from_sensor(cls, sensor: Sensor) -> RayBeam:
-        turn = rotation(sensor.beam.tilt_x, sensor.beam.tilt_y, 0.0)
+    def from_beam(cls, beam: Beam) -> RayBeam:
+        turn = rotation(beam.tilt_x, beam.tilt_y, 0.0)
         return cls(turn @ [0.0, 0.0, -1.0], turn @ [1.0, 0.0, 0.0], turn @ [0.0, 1.0, 0.0])
 
 
@@ -182,15 +182,15 @@ class RayFacet(NamedTuple):
         return np.array([np.cross(self.normal, first), np.cross(second, self.normal)])
 
 
-def facet_normals(sensor: Sensor) -> Floats:
-    """Normals of the facets (3, 3), by rows, in the mirror's frame."""
+def facet_normals(facets: Sequence[Facet]) -> Floats:
+    """Normals of facets (k, 3), by rows, in the mirror's frame."""
     return np.array([[np.sin(f.inclination) * np.cos(f.azimuth),
                       np.sin(f.inclination) * np.sin(f.azimuth), np.cos(f.inclination)]
-                     for f in sensor.facets])  # fmt: skip
+                     for f in facets])  # fmt: skip
 
 
 def facet_of(sensor: Sensor, bench: RayBench, states: Floats, k: int) -> RayFacet:
-    normals, beam = facet_normals(sensor), RayBeam.from_sensor(sensor)
+    normals, beam = facet_normals(sensor.facets), RayBeam.from_beam(sensor.beam)
     both = edges_of(normals)[[k, (k + 1) % 3]]
     return RayFacet(sensor, bench, beam, states, rotation(*states[:, 3:6].T), normals[k], both, k)
 
@@ -349,8 +349,9 @@ def add_diffraction(
     step -= ((step * surface).sum(-1) / (surface @ beam.along))[:, None] * beam.along
     arriving = (weight[..., None] * fan).sum(axis=1) / weight.sum(axis=1)[:, None]
     leaving = arriving - 2 * (surface * arriving).sum(-1, keepdims=True) * surface
-    here, length = landing_points(on_edge, leaving, psd)
-    across = landing_points(on_edge + 1e-3 * step, leaving, psd)[0] - here
+    here, path = landing_point(on_edge, leaving, psd)
+    length = path * np.linalg.norm(leaving, axis=-1)
+    across = landing_point(on_edge + 1e-3 * step, leaving, psd)[0] - here
     across /= 1e-3
     ahead, behind = steps_to_window(here, across, psd), steps_to_window(here, -across, psd)
     strength = bench.wavelength * length * per_mm / (4 * np.pi**2)
@@ -358,11 +359,6 @@ def add_diffraction(
     rest = power - strength * sums
     moved = (here - centre) * sums[:, None] + across * np.log(behind / ahead)[:, None]
     return rest, centre - strength[:, None] * moved / rest[:, None]
-
-
-def landing_points(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Floats]:
-    place, path = landing_point(start, along, psd)
-    return place, path * np.linalg.norm(along, axis=-1)
 
 
 def steps_to_window(place: Floats, along: Floats, psd: Psd) -> Floats:

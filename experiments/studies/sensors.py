@@ -1,20 +1,17 @@
 """Sensors for experiments: the paper's, and ten without any symmetry."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from facets import Beam, Facet, Psd, Sensor
+from facets.core.units import Floats
+
+from .bench_rays import RayBeam, facet_normals
 
 
-def sub_beam(beam: Beam, facet: Facet) -> NDArray[np.float64]:
+def sub_beam(beam: Beam, facet: Facet) -> Floats:
     """Direction of the beam after a facet at the mirror's zero pose."""
-    down = np.array([-np.sin(beam.tilt_y) * np.cos(beam.tilt_x), np.sin(beam.tilt_x), 0])
-    down[2] = -np.cos(beam.tilt_y) * np.cos(beam.tilt_x)
-    slope, azimuth = facet.inclination, facet.azimuth
-    normal = np.array(
-        [np.sin(slope) * np.cos(azimuth), np.sin(slope) * np.sin(azimuth), np.cos(slope)]
-    )
-    leaving: NDArray[np.float64] = down - 2 * (down @ normal) * normal
+    down, (normal,) = RayBeam.from_beam(beam).along, facet_normals([facet])
+    leaving: Floats = down - 2 * (down @ normal) * normal
     return leaving
 
 
