@@ -22,7 +22,7 @@ def solve_recording(playback: live.Playback) -> Columns:
     sequence = pipeline.sequence
     if playback.damage.words or pipeline.parser.corrupt or sequence.lost or sequence.leaps:
         typer.echo("\n".join(playback.sentences()))
-    columns = live.recording.pose_table.join_columns(parts) if parts else {}
+    columns = files.columns.join_columns(parts) if parts else {}
     report_clock(columns)
     return columns
 

@@ -32,7 +32,7 @@ from ..estimation import (
     propagate_in_light,
     stands_of_axis,
 )
-from ..files import Source, read_chunks, read_words
+from ..files import Source, join_columns, read_chunks, read_words
 from .error_motions import LETTERS, AxisTest, Commands, Visits
 
 #: Columns of a table of commands, with the unit in that of the code.
@@ -117,7 +117,7 @@ def read_series(path: Source) -> PoseSeries:
             f"{path}: "
             + ("missing column: time_s (or host_s, a recording's)" if rows else "no rows")
         )
-    columns = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+    columns = join_columns(parts)
     time = columns[name]
     bad = np.flatnonzero(~np.isfinite(time) | (np.diff(time, prepend=-np.inf) <= 0))
     if len(bad):

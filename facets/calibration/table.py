@@ -25,6 +25,7 @@ from ..detectors.calibrated import TEMPERATURE
 from ..estimation.dwells import FEWEST, WITHIN, Dwells, dwell_means
 from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
+from ..files.columns import join_columns
 from ..model.arrays import EFFECTS
 from ..model.beam_shape import SHAPE
 from .alternatives.scatter import covariance_factor
@@ -104,7 +105,7 @@ def whole_table(
         chunks.append(chunk.columns)
     if not chunks:
         raise InputError(f"{path}: no rows; a calibration needs 10 at least")
-    columns = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
+    columns = join_columns(chunks)
     host, board = columns.pop("host_s", None), columns.pop("board_us", None)
     if host is not None and "time_s" not in columns:
         columns["time_s"] = host if board is None else recording_time(host, 1e-6 * board)

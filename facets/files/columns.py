@@ -58,6 +58,11 @@ class MissingColumnsError(InputError):
         self.names = names
 
 
+def join_columns(parts: Sequence[Columns]) -> dict[str, Any]:
+    """Join tables of the same columns, one after the other."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
 def columns_to_read(
     source: object, names: Sequence[str], needed: Sequence[str], optional: Sequence[str]
 ) -> list[str]:

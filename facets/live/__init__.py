@@ -30,7 +30,7 @@ _NAMES_OF = {
     "recording.comparison": "PoseComparison",
     "recording.disk": "Disk",
     "recording.index": "Damage are_events_whole",
-    "recording.pose_table": "join_columns recorded_columns recorded_poses",
+    "recording.pose_table": "recorded_columns recorded_poses",
     "recording.reader": "blocks meta_of utc_offset",
     "recording.replay": "recorded_config replay",
     "recording.writer": "Recording",

@@ -23,7 +23,16 @@ from ..core import (
 )
 from ..detectors import SATURATED
 from ..estimation import common_detectors, detectors_of, make_plan, propagate
-from ..files import TIMES, FrameTable, Source, read_chunks, read_words, row_times, unit_of_column
+from ..files import (
+    TIMES,
+    FrameTable,
+    Source,
+    join_columns,
+    read_chunks,
+    read_words,
+    row_times,
+    unit_of_column,
+)
 from .frequency_response import (
     FrequencyResponse,
     OutputChannel,
@@ -73,7 +82,7 @@ def read_signal_table(path: Source, inputs: Sequence[str]) -> Columns:
         raise InputError(f"{path}: no rows")
     if not any(name in parts[0] for name in TIMES):
         raise InputError(f"{path}: missing columns: {' or '.join(TIMES)}")
-    columns: Columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    columns = join_columns(parts)
     words = read_words(path, "used")
     return columns if words is None else columns | {"used": np.array(words)}
 

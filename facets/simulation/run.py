@@ -25,6 +25,7 @@ from ..estimation.object_pose import transform
 from ..estimation.solution import LABELS, Poses, Samples, Solution, worded_columns
 from ..estimation.tally import Tally
 from ..estimation.zero import PoseColumns
+from ..files.columns import join_columns
 from ..model.arrays import is_on_detector, mask_missed_spots
 from ..tracking.closed_loop import simulate_following
 from .motion import find_motion, shaker_force, states
@@ -272,8 +273,7 @@ def reference_table(
 def pose_table(segments: Sequence[Segment]) -> dict[str, Any]:
     """True states, estimates and their uncertainties of all segments as columns."""
     parts = [true_columns(part) | worded_columns(part.poses.columns()) for part in segments]
-    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return time_columns(segments) | joined
+    return time_columns(segments) | join_columns(parts)
 
 
 def true_columns(segment: Segment) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from streams import CALIBRATED, Clock, samples_of
 
 import facets
 from facets import Status
+from facets.files import join_columns
 from facets.live import (
     CLOCK_MOVED,
     PERMIT,
@@ -25,7 +26,6 @@ from facets.live import (
     Pipeline,
     PoseComparison,
     Sink,
-    join_columns,
     locate,
     pack,
 )

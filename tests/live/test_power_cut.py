@@ -13,14 +13,13 @@ from streams import samples_of, yawing
 
 import facets
 from facets import InputError
-from facets.files import run_record
+from facets.files import join_columns, run_record
 from facets.live import (
     Block,
     Damage,
     Pipeline,
     Recording,
     encode,
-    join_columns,
     meta_of,
     recorded_poses,
     replay,

@@ -20,12 +20,12 @@ from streams import BENCH, CALIBRATED, subscribe
 
 from facets import InputError
 from facets.core import AuxiliaryChannel
+from facets.files import join_columns
 from facets.live import (
     SAMPLE,
     Pipeline,
     Publications,
     Subscription,
-    join_columns,
     recorded_columns,
     rows_of,
 )

@@ -21,6 +21,7 @@ from programs import await_true
 
 import facets
 from facets import InputError
+from facets.files import join_columns
 from facets.live import (
     SIZE,
     Block,
@@ -35,7 +36,6 @@ from facets.live import (
     Recording,
     acquire,
     blocks,
-    join_columns,
     pack,
     parser,
     recorded_poses,

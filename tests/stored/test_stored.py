@@ -16,13 +16,12 @@ from recorded import record
 
 import facets
 from facets.core import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from facets.files import read_chunks, read_head, tables
+from facets.files import join_columns, read_chunks, read_head, tables
 from facets.live import (
     Damage,
     Pipeline,
     are_events_whole,
     board_solution,
-    join_columns,
     parser,
     recorded_config,
     recorded_poses,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...core.errors import InputError
 from ...core.sensor import Sensor
 from ...core.units import Booleans, Floats
+from ...files.columns import join_columns
 from ...files.provenance import require_origin
 from ...files.tables import read_chunks, read_head
 from ..optimisation.rounding import nearest_steps
@@ -134,8 +135,7 @@ def choose_design(settings: Config, space: Space, file: Path, number: int) -> Fl
 
 def read_design(file: Path, key: str, names: list[str], number: int) -> Floats:
     """Read the named variables of the row with this number in the column `key`."""
-    chunks = [chunk.columns for chunk in read_chunks(file, [key, *names])]
-    table = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
+    table = join_columns([chunk.columns for chunk in read_chunks(file, [key, *names])])
     rows = np.flatnonzero(table[key] == number)
     if not len(rows):
         some = ", ".join(f"{n:.0f}" for n in table[key][:8])

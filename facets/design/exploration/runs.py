@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from ...core.errors import InputError, OutputError
 from ...core.extras import require_extra
 from ...core.units import Booleans
+from ...files.columns import join_columns
 from ...files.provenance import require_origin
 from ...files.tables import read_columns, read_head, write_table
 from ...model.threads import cores
@@ -198,8 +199,7 @@ def collect(folder: Path) -> dict[str, NDArray[Any]]:
     files = parts_in(folder)
     if not files:
         raise InputError(f"{folder}: holds no designs")
-    tables = [read_columns(file) for file in files]
-    return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    return join_columns([read_columns(file) for file in files])
 
 
 def collect_older(space: Space, folder: Path) -> dict[str, NDArray[Any]] | None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...files.columns import join_columns
 from ..run.pipeline import RunPoses
 
 Columns = dict[str, NDArray[Any]]
@@ -26,11 +27,6 @@ REPLAYED = ("used", "power_mw", "misfit")
 def recorded_columns(poses: RunPoses) -> Columns:
     """Return the columns of poses that a recording keeps."""
     return {name: column for name, column in poses.columns().items() if name not in REPLAYED}
-
-
-def join_columns(parts: list[Columns]) -> Columns:
-    """Join tables of the same columns, one after the other."""
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def stream_parts(columns: Columns) -> tuple[bytes, bytes]:
