@@ -6,7 +6,7 @@ Each module of this folder named in `EXPERIMENTS` has
     CONFIG               the shipped configuration that it runs
     compute(quick)       the table, column by column; `quick` may take fewer rows
     claims(table)        what the paper says beside what the table says
-    picture(table)       a figure, or None where the claims say all
+    picture(table)       a figure; `no_picture` where the claims say all
 
 The table goes to a file first, and what follows is made from the file.
 """
@@ -74,6 +74,10 @@ def experiment(name: str) -> Experiment:
     """Import the module of an experiment."""
     module = import_module(f"{__package__}.{name.replace('-', '_')}")
     return cast("Experiment", module)
+
+
+def no_picture(table: Table) -> None:
+    """The picture of an experiment whose claims say all."""
 
 
 def columns_of(names: str, rows: list[Any]) -> Table:

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from . import outlines
 from .experiment import PaperClaim, Table
 from .table2 import FOLLOWING
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TITLE = "Fig. 10: the measurement range in x and y with the beam following"
 CONFIG = "paper"
@@ -29,5 +24,4 @@ def claims(table: Table) -> list[PaperClaim]:
     ]
 
 
-def picture(table: Table) -> Figure:
-    return outlines.outlines_figure(table)
+picture = outlines.outlines_figure

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from . import outlines
 from .experiment import PaperClaim, Table
 from .table2 import RANGE_MM_MRAD
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TITLE = "Fig. 6: measurement ranges with a fixed beam"
 CONFIG = "paper"
@@ -39,5 +34,4 @@ def claims(table: Table) -> list[PaperClaim]:
     ]
 
 
-def picture(table: Table) -> Figure:
-    return outlines.outlines_figure(table)
+picture = outlines.outlines_figure

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import partial
 
 from . import motion
-from .experiment import PaperClaim, Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .experiment import Table
 
 TITLE = "Fig. 7: translation along x"
 CONFIG = "paper"
@@ -18,9 +15,5 @@ def compute(quick: bool) -> Table:
     return motion.simulate_table(CONFIG, "x-steps")
 
 
-def claims(table: Table) -> list[PaperClaim]:
-    return motion.errors_in_six_axes(table)
-
-
-def picture(table: Table) -> Figure:
-    return motion.motion_figure(table, ("tx",))
+claims = motion.errors_in_six_axes
+picture = partial(motion.motion_figure, axes=("tx",))

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import partial
 
 from facets.core.names import POSE
 
 from . import motion
-from .experiment import PaperClaim, Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .experiment import Table
 
 TITLE = "Fig. 9: motion of all six axes"
 CONFIG = "paper"
@@ -20,9 +17,5 @@ def compute(quick: bool) -> Table:
     return motion.simulate_table(CONFIG, "multi-axis")
 
 
-def claims(table: Table) -> list[PaperClaim]:
-    return motion.errors_in_six_axes(table)
-
-
-def picture(table: Table) -> Figure:
-    return motion.motion_figure(table, POSE)
+claims = motion.errors_in_six_axes
+picture = partial(motion.motion_figure, axes=POSE)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,10 +10,7 @@ import facets
 from facets.characterization.ranges import largest_box
 from facets.characterization.resolution import estimators, resolve
 
-from .experiment import PaperClaim, Table, columns_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .experiment import PaperClaim, Table, columns_of, no_picture
 
 TITLE = "Section 4: the claims of the conclusions"
 CONFIG = "paper"
@@ -54,5 +50,4 @@ def claims(table: Table) -> list[PaperClaim]:
     return [PaperClaim(what, unit, paper, ours, WHY[what]) for what, unit, paper, ours in rows]
 
 
-def picture(table: Table) -> Figure | None:
-    return None
+picture = no_picture

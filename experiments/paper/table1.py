@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from math import degrees
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 import facets
 
-from .experiment import PaperClaim, Table, columns_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .experiment import PaperClaim, Table, columns_of, no_picture
 
 TITLE = "Table 1: the experimental system"
 CONFIG = "paper"
@@ -44,5 +40,4 @@ def claims(table: Table) -> list[PaperClaim]:
             for what, unit, paper, ours in rows]  # fmt: skip
 
 
-def picture(table: Table) -> Figure | None:
-    return None
+picture = no_picture

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 import facets
 from facets.characterization.state_box import box_of_poses, least_share
 from facets.proof.uniqueness import certify
 
-from .experiment import NONE, PaperClaim, Table, columns_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .experiment import NONE, PaperClaim, Table, columns_of, no_picture
 
 TITLE = "Beyond the paper: uniqueness, proved"
 CONFIG = "paper"
@@ -45,5 +40,4 @@ def claims(table: Table) -> list[PaperClaim]:
             for what, unit, ours in rows]  # fmt: skip
 
 
-def picture(table: Table) -> Figure | None:
-    return None
+picture = no_picture
