@@ -59,15 +59,21 @@ class ValueCheck:
             return None
         is_list = isinstance(value, list | tuple)
         option = next((o for o in options if is_list == (o["type"] == "array")), options[0])
+        is_pair = not is_list and options[-1]["type"] == "array"
+        value = self._plain_value(node, option, value, path)
+        return [value, value] if is_pair else value
+
+    def _plain_value(self, node: Node, option: Node, value: Any, path: Path_) -> Any:
+        """Return a value other than a block in the form of one of its node's options."""
         if not fits(option, value):
             self.problems.append((path, wrong_value(path, value, node)))
-        elif is_list:
+        elif option["type"] == "array":
             items = option.get("prefixItems") or [option["items"]] * len(value)
             pairs = enumerate(zip(items, value, strict=True))
             return [self.value(item, inner, (*path, n)) for n, (item, inner) in pairs]
         elif option["type"] == "number":
-            value = float(value)
-        return value if is_list or options[-1]["type"] != "array" else [value, value]
+            return float(value)
+        return value
 
     def _block(self, node: Node, values: Any, path: Path_, is_filled: bool) -> dict[str, Any]:
         if "patternProperties" in node:

@@ -186,15 +186,18 @@ class Sheet:
         else:
             raise InputError(f"{path}: is empty: it has no header and no rows")
         self.delimiter = declared or delimiter_of(header)
-        try:
-            names = next(csv.reader([header], delimiter=self.delimiter), [])
-        except csv.Error as error:
-            raise InputError(f"{path}:{self.first}: not a header: {error}") from None
+        names = self.header_cells(header)
         self.names = [name.strip() for name in names]
         while len(self.names) > 1 and not self.names[-1]:  # each line ends with a delimiter
             self.names.pop()
         #: Cells that a row may have besides, if they are empty.
         self.spare = 1 + len(names) - len(self.names)
+
+    def header_cells(self, header: str) -> list[str]:
+        try:
+            return next(csv.reader([header], delimiter=self.delimiter), [])
+        except csv.Error as error:
+            raise InputError(f"{self.path}:{self.first}: not a header: {error}") from None
 
     def blocks(self) -> Iterator[Block]:
         """Yield the lines after the header, which end with line feeds, in blocks."""
