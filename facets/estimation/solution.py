@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
+from threading import RLock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -454,6 +455,10 @@ def results_of(numbers: Floats) -> problem.Results:
     )
 
 
+#: Held by the thread that makes a field of a `LazySolution`.
+MAKING = RLock()
+
+
 class LazySolution(Solution):
     """A solution whose fields are made when they are first asked for.
 
@@ -485,22 +490,26 @@ class LazySolution(Solution):
 
     def __getattr__(self, name: str) -> Any:
         known = vars(self)
-        if name == "covariance":
-            entries = self.entries
-            made = problem.unpack_covariances(entries) if entries.shape[-1] else None
-            del known["entries"]  # twice the memory
-        elif name in FIELDS and "numbers" in known:
-            made = FIELDS[name](self.numbers)
-        else:
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        known[name] = made
-        return made
+        with MAKING:
+            if name in known:  # another thread has made it meanwhile
+                return known[name]
+            if name == "covariance":
+                entries = self.entries
+                made = problem.unpack_covariances(entries) if entries.shape[-1] else None
+                del known["entries"]  # twice the memory
+            elif name in FIELDS and "numbers" in known:
+                made = FIELDS[name](self.numbers)
+            else:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            known[name] = made
+            return made
 
     @property
     def variance(self) -> Floats | None:
-        if "covariance" in vars(self):
-            return super().variance
-        return self.entries[..., :8] if self.entries.shape[-1] else None
+        with MAKING:
+            if "covariance" in vars(self):
+                return super().variance
+            return self.entries[..., :8] if self.entries.shape[-1] else None
 
     def __repr__(self) -> str:
         return repr(Solution(*(getattr(self, item.name) for item in fields(Solution))))
