@@ -251,7 +251,7 @@ def check_axis(moved: Floats, axis: str) -> None:
         )
 
 
-def measured_directions(place: Floats, parts: list[slice], least: float = 0.0) -> Integers:
+def measured_directions(place: Floats, parts: list[slice], least: float) -> Integers:
     """From which side an axis at `place` (n,) came to each stand, by its last row before the stand
     that is further away than `least`: (k,), 0 or 1; that of the stand before if the axis did not
     move, -1 if not known."""
@@ -266,7 +266,7 @@ def measured_directions(place: Floats, parts: list[slice], least: float = 0.0) -
 
 
 def match_stands(
-    places: Floats, commands: Commands | None, directions: Integers | None = None
+    places: Floats, commands: Commands | None, directions: Integers
 ) -> tuple[Commands, Integers]:
     """The commands, and the command (k,) of each stand at `places` (k,), -1 if none.
 
@@ -285,8 +285,6 @@ def match_stands(
         for place in places[:FIRST_STANDS]
         for position in commands.positions[:FIRST_STANDS]
     ]
-    if directions is None:
-        directions = np.full(len(places), -1)
     agrees = directions[:, None] == commands.direction
     best = max((match_by_offset(places, offset, targets, labels, agrees)
                 for offset in middle + pairs),
@@ -325,15 +323,14 @@ def match_by_offset(
     return align_sequences(np.where(far, -1, nearest), labels, agrees)
 
 
-def align_sequences(names: Integers, labels: Integers, agrees: Booleans | None = None) -> Integers:
+def align_sequences(names: Integers, labels: Integers, agrees: Booleans) -> Integers:
     """The partner among `labels` (n,) of each of `names` (k,), in the same order, -1 if none: (k,).
 
     As many as possible have a partner, and of these as many as possible one with which they agree.
     agrees: (k, n).
     """
     weights = (len(names) + 1) * (names[:, None] == labels)
-    if agrees is not None:
-        weights += (weights > 0) & agrees
+    weights += (weights > 0) & agrees
     scores = np.zeros((len(names) + 1, len(labels) + 1), dtype=np.int64)
     for n in range(len(names)):
         best = np.maximum(scores[n, 1:], scores[n, :-1] + weights[n])

@@ -56,7 +56,6 @@ DIRECTIONS = """\
 299 1 3 5 15 31 59 63 97
 301 1 3 1 11 11 11 77 249
 """
-MAX_DIMENSION = 1 + len(DIRECTIONS.splitlines())
 
 
 class Sobol:

@@ -168,7 +168,7 @@ def test_without_commands_the_stands_are_equally_spaced():
     np.testing.assert_allclose(np.diff(found.targets), [1] * 4, atol=0.01)
     np.testing.assert_array_equal(found.direction, [0] * 5 + [1] * 4 + [0] * 3)
     with pytest.raises(InputError, match="not equally spaced"):
-        match_stands(np.array([0, 1, 2.5, 0, 1, 2.5]), None)
+        match_stands(np.array([0, 1, 2.5, 0, 1, 2.5]), None, np.zeros(6, int))
     notes = evaluate_axis(SENSOR, KNOWN, poses, AxisTest("Z", shortest_s=0.1)).notes()
     assert any("An error of scale cannot be seen" in note for note in notes)
 

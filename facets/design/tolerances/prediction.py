@@ -155,9 +155,9 @@ class Draws:
     noise: Floats
 
 
-def draw_heads(built: Assembly, count: int = HEADS, seed: int = SEED) -> Draws:
-    rng = np.random.default_rng(seed)
-    heads, noise = rng.normal(size=(2, count, len(built.choice.names)))
+def draw_heads(built: Assembly) -> Draws:
+    rng = np.random.default_rng(SEED)
+    heads, noise = rng.normal(size=(2, HEADS, len(built.choice.names)))
     return Draws(heads * built.loose, noise)
 
 
