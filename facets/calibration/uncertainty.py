@@ -52,6 +52,7 @@ from .fitting.bundle_adjustment import (
 from .fitting.fit import NORMAL_MEDIAN, Fit, Task, add_mean_power, sensor_covariance
 from .fitting.samples import PLACE_SIGMA_MM, half_drift, model_accuracy
 from .fitting.unknowns import PLACE, fold_mount, spline_error, values_of
+from .halves import compare_halves, half_covariance
 
 if TYPE_CHECKING:
     from ..core.knowledge import Knowledge
@@ -79,6 +80,7 @@ def complete_uncertainty(
     made = add_unseen_errors(made, result, data, misfit, centre)
     made = add_shared_noise(made, remainder, scatter, robust)
     made = add_causes(made, remainder, causes)
+    made = widen(made, result, half_covariance(compare_halves(remainder)))
     return add_background_scale(made, result, data)
 
 

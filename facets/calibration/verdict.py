@@ -63,7 +63,6 @@ from .halves import (
     WIDER_CHANCE,
     WRONG_CHANCE,
     compare_halves,
-    half_covariance,
     half_findings,
 )
 from .search import (
@@ -78,7 +77,6 @@ from .uncertainty import (
     centre_sigma,
     complete_uncertainty,
     validation_table,
-    widen,
 )
 
 if TYPE_CHECKING:
@@ -455,14 +453,12 @@ def validate(
     remainder = remainder_of(done, settings.outliers)
     centre = centre_sigma(done.sensor, remainder, settings.before)
     said, fitted = settled_findings(plain, done, causes, remainder)
-    halves = compare_halves(remainder)
-    said += centre_findings(centre) + half_findings(halves)
+    said += centre_findings(centre)
     read = restore_readings(data, plain.original)
     made = complete_uncertainty(
         fitted, remainder, read, done.scatter, causes, centre, open_bends(settings),
         settings.outliers,
     )  # fmt: skip
-    made = widen(made, done.fit, half_covariance(halves))
     known = replace(done.fit, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation_table(sensor, known, held)
@@ -493,6 +489,7 @@ def settled_findings(
     least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
     if not any(finding.bad and not finding.causes for finding in judged):  # else they take up more
         said += effect_findings(remainder, least) + scatter_findings(done.scatter, least)
+    said += half_findings(compare_halves(remainder))
     said += reference_steps(plain.original, done.scatter) + judged + plain.screened.findings
     return said, fitted
 
