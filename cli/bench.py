@@ -36,9 +36,9 @@ def bench(
 
     All methods run in turn on the paper's sensor: this package, the C that it exports (if gcc
     is installed), a quadrature in NumPy, SciPy's fsolve and the paper's way. Tables and a
-    recording are solved, too. Ratios are relative to the exported C and to NumPy; rows that are
-    slower than stored, beyond their error bars, are named. Writes one table with the facts of the
-    machine into the folder. --quick takes under half a minute.
+    recording are solved, too. Ratios are relative to the exported C and to NumPy; rows of a full
+    run that are slower than stored, beyond their error bars, are named. Writes one table with the
+    facts of the machine into the folder. --quick takes under half a minute.
     """
     core.extras.require_extra("mpmath", "facets bench")
     files.tables.refuse_to_overwrite([folder / TABLE], force)
@@ -50,8 +50,9 @@ def bench(
         show_table(task, ["way", *HEADINGS.values()], cells, left=[0])
     if not benchmarks.rivals.has_compiler():
         typer.echo("The exported C was left out: gcc is not installed.")
-    for sentence in benchmarks.table.slower_rows(rows):
-        typer.echo(sentence)
+    if not quick:  # its short batches take longer
+        for sentence in benchmarks.table.slower_rows(rows):
+            typer.echo(sentence)
     typer.echo(f"{folder / TABLE}: processor times")
 
 

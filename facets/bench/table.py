@@ -53,7 +53,7 @@ RIVALS = {
 READING_TASKS = ("readings", "light: readings", "light: Jacobians")
 #: The table of a full run.
 STORED = Path(__file__).with_name("stored.csv")
-#: Share by which ratios differ between processors, and between lengths of batches.
+#: Share by which ratios differ between processors.
 PROCESSOR_SPREAD = 0.25
 
 
