@@ -200,7 +200,4 @@ def same_columns(rows: Rows, dtype: np.dtype[np.void]) -> Rows:
             "or its configuration names no such object (--point) or auxiliary channels "
             "(acquire.channels), or has no covariance of a calibration (sensor.calibration)"
         )
-    kept = np.empty(len(rows), dtype)
-    for name in names:
-        kept[name] = rows[name]
-    return kept
+    return rows[list(names)].astype(dtype)

@@ -117,13 +117,10 @@ def rows_of(poses: RunPoses, utc_offset: float) -> NDArray[np.void]:
 
 def description(about: dict[str, Any]) -> dict[str, Any]:
     """Return `about` with the columns and units of the rows, for receivers, in JSON's types."""
-    return {**about, **columns_of(sample_dtype(about), about)}
-
-
-def columns_of(dtype: np.dtype[np.void], about: dict[str, Any]) -> dict[str, Any]:
-    """Return the columns of rows and their units, in JSON's types."""
+    dtype = sample_dtype(about)
     units = {name: unit_of(name, about.get("channels", ())) for name in dtype.names or ()}
     return {
+        **about,
         "dtype": [list(pair) for pair in dtype.descr],
         "units": {name: unit for name, unit in units.items() if unit},
     }
