@@ -90,7 +90,7 @@ class Parser(ABC):
     """
 
     def __init__(self, channels: int = 0) -> None:
-        self.channels, self.rest = channels, b""
+        self.channels, self.dtype, self.rest = channels, frame_dtype(channels), b""
         self.corrupt = self.skipped = 0
 
     @abstractmethod
@@ -141,11 +141,7 @@ def samples_from(frames: NDArray[np.void]) -> RawSamples:
     return RawSamples(kind & np.uint8(0x0F), flags, seq, time, counts, channels)
 
 
-def no_samples(channels: int = 0) -> RawSamples:
-    return samples_from(np.zeros(0, frame_dtype(channels)))
-
-
-def sound_frames(view: memoryview, dtype: np.dtype[np.void] = FRAME) -> int:
+def sound_frames(view: memoryview, dtype: np.dtype[np.void]) -> int:
     """Number of sound frames, one after the other, with which the bytes begin."""
     size = dtype.itemsize
     whole = len(view) // size
@@ -170,10 +166,6 @@ def are_sound(view: memoryview, dtype: np.dtype[np.void]) -> NDArray[np.bool_]:
 class FixedFrames(Parser):
     """Format "frames": 64 bytes each, and 4 for each auxiliary channel, one after the other."""
 
-    def __init__(self, channels: int = 0) -> None:
-        super().__init__(channels)
-        self.dtype = frame_dtype(channels)
-
     def feed(self, block: bytes) -> RawSamples:
         raw, size = self.rest + block, self.dtype.itemsize
         view = memoryview(raw)
@@ -188,8 +180,6 @@ class FixedFrames(Parser):
                 break
             place = self.resume(raw, view, place)
         self.rest = raw[place:]
-        if not good:
-            return no_samples(self.channels)
         return samples_from(np.frombuffer(b"".join(good), self.dtype))
 
     def count_ends(self, blocks: Sequence[bytes]) -> list[int]:
@@ -222,7 +212,6 @@ class CobsFrames(Parser):
 
     def __init__(self, channels: int = 0) -> None:
         super().__init__(channels)
-        self.dtype = frame_dtype(channels)
         #: One byte more than the frame, since it is shorter than 254.
         self.coded = self.dtype.itemsize + 1
 
@@ -233,8 +222,6 @@ class CobsFrames(Parser):
         if len(self.rest) > 4 * self.coded:  # no end in sight: not this format
             self.refuse([self.rest])
             self.rest = b""
-        if not whole:
-            return no_samples(self.channels)
         raw = cobs_decode(np.frombuffer(b"".join(whole), np.uint8).reshape(-1, self.coded))
         fine = are_sound(memoryview(raw.tobytes()), self.dtype)
         self.refuse([part for part, good in zip(whole, fine, strict=True) if not good])
@@ -295,7 +282,7 @@ class TextLines(Parser):
             lines, self.rest = [*lines, self.rest], b""
         rows = [row for row in map(self.numbers, lines) if row is not None]
         if not rows:
-            return no_samples(self.channels)
+            return samples_from(np.zeros(0, self.dtype))
         table = np.array([row[:14] for row in rows], dtype=np.int64)
         with np.errstate(over="ignore"):
             channels = np.array([row[14:] for row in rows], dtype=np.float32)
