@@ -275,13 +275,13 @@ def write_film(
             file.mux(stream.encode(frame))
 
 
-def motion_factor(sensor: Sensor, states: Floats, largest: float = 1000.0) -> float:
+def motion_factor(sensor: Sensor, states: Floats) -> float:
     """The largest round factor, 1 or more, by which states (n, 8) may be multiplied with all three
     spots on their detectors and light on each; the larger motion is then possible."""
     some = states[:: max(1, len(states) // 100)]
     factor = 1.0
     for more in (2, 5, 10, 20, 50, 100, 200, 500, 1000):
-        if more > largest or not stays_on_detectors(sensor, more * some):
+        if not stays_on_detectors(sensor, more * some):
             break
         factor = float(more)
     return factor
