@@ -83,18 +83,14 @@ def matrix_product(a: Any, b: Any) -> Any:
     return [[inner_product(row, [b[0][j], b[1][j], b[2][j]]) for j in range(3)] for row in a]
 
 
-def rotation(angles: Any, one: Any) -> Any:
+def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
     """Rz(yaw) Ry(pitch) Rx(roll), as three rows."""
-    roll, pitch, yaw = angles
-    none = one * arb(0)
+    none = roll * arb(0)
+    one = none + arb(1)
     x = [[one, none, none], [none, roll.cos(), -roll.sin()], [none, roll.sin(), roll.cos()]]
     y = [[pitch.cos(), none, pitch.sin()], [none, one, none], [-pitch.sin(), none, pitch.cos()]]
     z = [[yaw.cos(), -yaw.sin(), none], [yaw.sin(), yaw.cos(), none], [none, none, one]]
     return matrix_product(z, matrix_product(y, x))
-
-
-def rotation_by(roll: Any, pitch: Any, yaw: Any) -> Any:
-    return rotation((roll, pitch, yaw), arb(1))
 
 
 def values_within(value: float, off: float) -> Any:
@@ -108,7 +104,7 @@ class IntervalSensor:
     def __init__(self, parameters: list[float], tolerances: list[float]) -> None:
         p = [values_within(*pair) for pair in zip(parameters, tolerances, strict=True)]
         self.power = p[0]
-        tilt = rotation_by(p[4], p[5], arb(0))
+        tilt = rotation(p[4], p[5], arb(0))
         x, y, back = ([row[i] for row in tilt] for i in range(3))
         c, s = p[3].cos(), p[3].sin()
         self.down = [-value for value in back]
@@ -122,7 +118,7 @@ class IntervalSensor:
         self.centres, self.axes = [], []
         for i in (12, 18, 24):
             self.centres.append([p[i] * p[i + 1].cos(), p[i] * p[i + 1].sin(), p[i + 2]])
-            rows = rotation_by(p[i + 3], p[i + 4], p[i + 1] + p[i + 5])
+            rows = rotation(p[i + 3], p[i + 4], p[i + 1] + p[i + 5])
             self.axes.append([[row[j] for row in rows] for j in range(3)])
 
     def flat(self, v: Any) -> Any:
@@ -138,7 +134,7 @@ def pose_of_box(box: list[Any]) -> list[IntervalDual]:
 def spots(rig: IntervalSensor, box: list[Any], light: Any) -> list[IntervalDual]:
     """Return psi and zeta of the three detectors with derivatives at fixed shares of the light."""
     pose = pose_of_box(box)
-    turn = rotation(pose[3:], IntervalDual(arb(1)))
+    turn = rotation(*pose[3:])
     apex, out = pose[:3], []
     for k in range(3):
         normal = [inner_product(row, rig.normals[k]) for row in turn]
@@ -173,11 +169,7 @@ def spots(rig: IntervalSensor, box: list[Any], light: Any) -> list[IntervalDual]
 
 def edges_of(rig: IntervalSensor, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
     """Angle of each edge seen along the beam, and its derivatives by roll, pitch and yaw."""
-    normals = [
-        IntervalDual(x, [arb(0)] * 3 + [arb(i == j) for j in range(3)])
-        for i, x in enumerate(angles)
-    ]
-    turn = rotation((normals[0], normals[1], normals[2]), IntervalDual(arb(1)))
+    turn = rotation(*pose_of_box([arb(0)] * 3 + angles)[3:])
     edges = []
     for k in range(3):
         a, b = rig.normals[k], rig.normals[k - 1]
