@@ -63,7 +63,7 @@ def _reason_of_number(value: Any, may: str) -> str:
         return "must be a number"
     if "list" in may:
         return f"must be {_count_in_words(may)}"
-    if not math.isfinite(value):
+    if not -math.inf < value < math.inf:  # whole numbers may be longer than floats
         return "must be a finite number"
     if "whole" in may and isinstance(value, float):
         return "must be a whole number"

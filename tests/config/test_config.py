@@ -243,6 +243,7 @@ WRONG = [
     ("\nextends: {a: 1}", "2: extends: must be a shipped name or a path.*list"),
     ("sensor:\n  beam:\n    power_mw: '0.3'", "3: sensor.beam.power_mw: .*not text.*quotes"),
     ("sensor: {beam: {power_mw: .nan}}", "1: sensor.beam.power_mw: .*finite.*got .nan"),
+    (f"sensor: {{beam: {{power_mw: 1{400 * '0'}}}}}", "1: sensor.beam.power_mw: .*out of range"),
     ("sensor: {beam: {power_mw: }}", "1: sensor.beam.power_mw: .*has no value"),
     ("sensor: {beam: {power_mw: 1_0}}", "1: sensor.beam.power_mw: .*no underscores.*1_0"),
     ("sensor: {beam: {power_mw: 2001-13-45}}", "1: sensor.beam.power_mw: not a value"),
