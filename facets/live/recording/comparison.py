@@ -85,7 +85,7 @@ class PoseComparison:
         while self.newest < self.last:
             part = next(self.stored, None)
             if part is None:  # no more poses come on record
-                self.count_unrecorded()
+                self.count_missing()
                 break
             self.recorded += len(part["seq"])
             self.skipped += int((part["status"] == Status.SKIPPED).sum())
@@ -132,7 +132,7 @@ class PoseComparison:
         if len(numbers):
             self.since = int(min(numbers.min(), inf if self.since is None else self.since))
 
-    def count_unrecorded(self) -> None:
+    def count_missing(self) -> None:
         """Count what waits as without a pose on record."""
         for part in self.waiting:
             first = self.ends[0] if self.unrecorded else int(part["seq"][0])

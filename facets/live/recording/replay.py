@@ -87,7 +87,7 @@ def replay(
     done, size, whole, doubtful = 0, 0, size_of(folder), False
     held: list[Block] = []
 
-    def solve_held() -> Iterator[RunPoses]:
+    def solve_together() -> Iterator[RunPoses]:
         for poses in solve_blocks(pipeline, held) if held else ():
             if doubtful and damage.since is None:
                 damage.since = int(poses.seq[0])
@@ -98,14 +98,14 @@ def replay(
         on_progress(done, whole)
         done += len(block.data)
         if block.doubtful and not doubtful:
-            yield from solve_held()
+            yield from solve_together()
             doubtful = True
         if block.doubtful and pipeline.config.acquire.format == "text":
             continue
         held.append(block)
         size += len(block.data)
         if size > BYTES_TOGETHER:
-            yield from solve_held()
+            yield from solve_together()
             size = 0
-    yield from solve_held()
+    yield from solve_together()
     yield from map(pipeline.solve, pipeline.release())

@@ -79,7 +79,7 @@ def solve_together(pipeline: Pipeline, batches: Sequence[Batch]) -> Iterator[Run
     samples = replace(pipeline.samples_of(whole), ends=ends)
     poses = pipeline.measurement.poses_of_pieces(samples)
     if poses is not None:
-        yield pipeline.judge(whole, samples, poses)
+        yield pipeline.screen_poses(whole, samples, poses)
         return
     for part in halves(batches):
         yield from solve_together(pipeline, part)

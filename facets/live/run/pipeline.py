@@ -281,9 +281,9 @@ class Pipeline:
             if samples.temperature is not None:
                 known, *_ = self.measurement.estimate(replace(samples, temperature=None))
             self.board.compare(batch.seq, known)
-        return self.judge(batch, samples, poses)
+        return self.screen_poses(batch, samples, poses)
 
-    def judge(self, batch: Batch, samples: Samples, poses: Poses) -> RunPoses:
+    def screen_poses(self, batch: Batch, samples: Samples, poses: Poses) -> RunPoses:
         """Add solved samples to what speaks against poses, and return them with their poses."""
         cold = np.zeros(len(batch), dtype=bool)
         if samples.temperature is not None:
