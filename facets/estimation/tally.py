@@ -377,9 +377,9 @@ class Tally:
 
     def add_statuses(self, solution: Solution) -> None:
         """Count how estimates ended."""
-        numbers, counts = np.unique(solution.status, return_counts=True)
-        for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
-            self.statuses[LABELS[number]] += count
+        for number, count in enumerate(np.bincount(solution.status).tolist()):
+            if count:
+                self.statuses[LABELS[number]] += count
 
     def rename(self, status: NDArray[np.int8], words: str) -> None:
         """Count samples with some statuses (n,) under other words."""

@@ -246,8 +246,9 @@ def test_the_place_of_a_moving_beam_is_known_as_well_as_its_age_and_speed_allow(
     (batch,) = pipeline.take(kills.stream(1), 10.0)
 
     def beam_at(host):
-        located = locate(CONFIG, replace(batch, host=np.array([host])), host, encoder)
-        return pipeline.measurement.knowledge(pipeline.samples_of(located)).beam
+        located = locate(CONFIG, np.array([host]), host, encoder)
+        samples = pipeline.samples_of(replace(batch, **located))
+        return pipeline.measurement.knowledge(samples).beam
 
     beam = beam_at(10.02)
     assert beam.mean == pytest.approx(np.array([[1.06, 2.08]]) + CONFIG.solve.beam_offset)

@@ -83,11 +83,11 @@ class Batch:
     def __len__(self) -> int:
         return len(self.seq)
 
-    def part(self, rows: slice) -> Batch:
-        """Return some of the samples, while no place is known."""
+    def part(self, rows: slice, **origin: Any) -> Batch:
+        """Return some of the samples, while no place is known.  origin: see `locate`."""
         channels = {column: values[rows] for column, values in self.channels.items()}
         columns = {name: getattr(self, name)[rows] for name in PER_SAMPLE}
-        return replace(self, channels=channels, **columns)
+        return Batch(channels=channels, **columns, **origin)
 
     def join_solution(self, poses: Poses) -> RunPoses:
         """Return the samples with their poses."""
@@ -220,7 +220,7 @@ class Pipeline:
         readings, flags = convert(self.config, samples)
         self.trust.add_samples(samples, flags, host)
         for bit, flag in ((OVERRUN, LOST_BEFORE), (MARK, MARKED), (PERMIT, PERMITTED)):
-            flags |= np.where(samples.flags & bit, flag, 0).astype(np.uint8)
+            flags |= (samples.flags & bit) * np.uint8(flag // bit)
         self.tally.add_flags(flags)
         channels = {
             channel.column: channel.values(samples.channels[:, n])
@@ -230,9 +230,10 @@ class Pipeline:
         batches, start, waiting = [], 0, len(seq) - len(whole)
         for end, arrival, encoder in pieces:
             while start < end - waiting:
-                batch = whole.part(slice(start, min(start + BATCH, end - waiting)))
-                batches.append(locate(self.config, batch, arrival, encoder))
-                start += len(batch)
+                rows = slice(start, min(start + BATCH, end - waiting))
+                origin = locate(self.config, whole.host[rows], arrival, encoder)
+                batches.append(whole.part(rows, **origin))
+                start = rows.stop
         self.origin = pieces[-1][1:]
         return batches
 
@@ -254,7 +255,10 @@ class Pipeline:
     def release(self) -> list[Batch]:
         """Return the last sample of a stream, if it still waits for a next one."""
         last, self.waiting = self.waiting, None
-        return [locate(self.config, last.part(slice(-1, None)), *self.origin)] if last else []
+        if last is None:
+            return []
+        origin = locate(self.config, last.host[-1:], *self.origin)
+        return [last.part(slice(-1, None), **origin)]
 
     def warm_up(self) -> None:
         """Compile or load the code that the stream needs, before it runs."""
@@ -323,17 +327,17 @@ def convert(config: Config, samples: RawSamples) -> tuple[Floats, NDArray[np.uin
     return out, flags
 
 
-def locate(config: Config, batch: Batch, arrival: float, encoder: Encoder | None) -> Batch:
-    """Return a batch with its arrival, and the beam's place by the stage."""
+def locate(config: Config, host: Floats, arrival: float, encoder: Encoder | None) -> dict[str, Any]:
+    """Return the arrival of a batch, and the beam's place by the stage at its times (n,)."""
     place = sigma = None
     if encoder is not None:
-        sigma, age = inf, float(batch.host[-1]) - encoder.time
-        place = encoder.places(batch.host)
+        sigma, age = inf, float(host[-1]) - encoder.time
+        place = encoder.places(host)
         if age <= MAX_EXTRAPOLATION_S:
             # the stage may have changed its speed since it answered: half the way is uncertain
             moving = float(np.hypot(*encoder.speed)) * (TIMING_SIGMA_S + max(0.0, age) / 2)
             sigma = hypot(config.stage.accuracy, moving, jitter_of(config))
-    return replace(batch, arrival=arrival, place=place, place_sigma=sigma)
+    return {"arrival": arrival, "place": place, "place_sigma": sigma}
 
 
 def jitter_of(config: Config) -> float:

@@ -370,12 +370,12 @@ def run_ends(samples: RawSamples) -> list[int]:
 def usual_step(time: NDArray[np.int64]) -> float:
     """The median step of growing times (n,), because a board may have paused among them; the mean
     step if most steps are zero, because the board stamps several samples at once."""
-    steps = np.sort(np.diff(time))
+    steps = np.sort(time[1:] - time[:-1])
     return float(steps[len(steps) // 2] or steps.mean())
 
 
 def elapsed_counts(values: NDArray[np.uint32]) -> NDArray[np.int64]:
     """The steps of a counter that wraps at 2^32, since the first of its values (n,)."""
     gone = np.zeros(len(values), np.int64)
-    np.cumsum(np.diff(values), out=gone[1:])  # unsigned differences wrap as the counter does
+    np.cumsum(values[1:] - values[:-1], out=gone[1:])  # unsigned: they wrap as the counter does
     return gone
