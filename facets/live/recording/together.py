@@ -1,8 +1,8 @@
-"""Many blocks taken in and solved at once, as a replay can, to the same bits as one by one.
+"""Many blocks followed and solved at once, as a replay can, to the same bits as one by one.
 
-What one block costs beside its samples is many times the cost of the samples. Blocks are taken in
-together where their bytes are those of samples alone, each the next one of the sample before; their
-batches are solved together where each is then counted as alone. Else both halves are tried.
+What one block costs beside its samples is many times the cost of the samples. The samples of blocks
+are followed together where each is the next one of the sample before; their batches are solved
+together where each is then counted as alone. Else both halves are tried.
 """
 
 from __future__ import annotations
@@ -10,48 +10,63 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import isnan, nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...tracking.encoder import Encoder
 from ..run.doubts import LOOKED_AT
 from ..run.pipeline import Batch, Pipeline, RunPoses, join
 from ..sources.frames import POSE, RawSamples
 from ..sources.source import Block
 
 
+class Parsed(NamedTuple):
+    """The samples of a block, its arrival, s, and the stage's place then."""
+
+    samples: RawSamples
+    arrival: float
+    encoder: Encoder | None
+
+
 def solve_blocks(pipeline: Pipeline, blocks: Sequence[Block]) -> Iterator[RunPoses]:
     """Yield the poses of blocks as `Pipeline.feed` gives them, those of many blocks at once."""
-    is_one = len(blocks) == 1
-    batches = pipeline.take(*blocks[0][:3]) if is_one else take_together(pipeline, blocks)
-    if batches is not None:
-        yield from solve_batches(pipeline, batches)
+    feed = pipeline.parser.feed
+    parsed = (Parsed(feed(block.data), block.arrival, block.encoder) for block in blocks)
+    yield from follow_blocks(pipeline, [block for block in parsed if len(block.samples)])
+
+
+def follow_blocks(pipeline: Pipeline, blocks: Sequence[Parsed]) -> Iterator[RunPoses]:
+    """Yield the poses of blocks with samples, followed together where they simply go on."""
+    if len(blocks) < 2:
+        batches = [batch for block in blocks for batch in pipeline.follow(*block)]
+    elif not go_on(pipeline, samples := join([block.samples for block in blocks])):
+        for part in halves(blocks):
+            yield from follow_blocks(pipeline, part)
         return
-    for part in halves(blocks):
-        yield from solve_blocks(pipeline, part)
+    else:
+        batches = follow_together(pipeline, samples, blocks)
+    yield from solve_batches(pipeline, batches)
 
 
-def take_together(pipeline: Pipeline, blocks: Sequence[Block]) -> list[Batch] | None:
-    """Return what `Pipeline.take` returns of each block; None, and take none, where what becomes of
-    their samples depends on the blocks."""
+def go_on(pipeline: Pipeline, samples: RawSamples) -> bool:
+    """Whether samples are nothing but the next ones of the newest."""
+    return bool((samples.kind != POSE).all()) and pipeline.sequence.continues(samples)
 
-    def go_on(samples: RawSamples) -> bool:
-        is_solved = samples.kind == POSE
-        return len(samples) > 0 and not is_solved.any() and sequence.continues(samples)
 
-    sequence, times = pipeline.sequence, pipeline.times
-    parsed = pipeline.parser.feed_together([block.data for block in blocks], go_on)
-    if parsed is None:
-        return None
-    samples, counts = parsed
-    pieces = [(count, block) for count, block in zip(counts, blocks, strict=True) if count]
-    known = [block.arrival for _, block in pieces if not isnan(block.arrival)]
-    samples, seq, time = sequence.follow(samples, known[-1] if known else nan, counts)
+def follow_together(
+    pipeline: Pipeline, samples: RawSamples, blocks: Sequence[Parsed]
+) -> list[Batch]:
+    """Return what `Pipeline.follow` returns of each block, whose samples together go on."""
+    counts = [len(block.samples) for block in blocks]
+    known = [block.arrival for block in blocks if not isnan(block.arrival)]
+    samples, seq, time = pipeline.sequence.follow(samples, known[-1] if known else nan, counts)
     hosts, origins, start = [], [], 0
-    for count, block in pieces:
-        hosts.append(times.follow(time[start : start + count], block.arrival, False))
-        start += count
-        origins.append((start, times.arrival, block.encoder))
+    for count, block in zip(counts, blocks, strict=True):
+        rows = slice(start, start + count)
+        hosts.append(pipeline.times.follow(time[rows], block.arrival, False))
+        origins.append((rows.stop, pipeline.times.arrival, block.encoder))
+        start = rows.stop
     return pipeline.batches_of(samples, seq, time, np.concatenate(hosts), origins)
 
 

@@ -191,8 +191,11 @@ class Pipeline:
 
     def take(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> list[Batch]:
         """Return the samples that a block completes, in batches to be solved, in order."""
+        return self.follow(self.parser.feed(block), arrival, encoder)
+
+    def follow(self, came: RawSamples, arrival: float, encoder: Encoder | None) -> list[Batch]:
+        """Return the samples that came in a block, in batches to be solved, in order."""
         breaks = self.sequence.breaks
-        came = self.parser.feed(block)
         solved = came.kind == POSE
         poses = came.where(solved) if solved.any() else None
         samples, seq, time = self.sequence.follow(

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -97,26 +95,6 @@ class Parser(ABC):
     def feed(self, block: bytes) -> RawSamples:
         """Return the samples that a block completes."""
 
-    @abstractmethod
-    def count_ends(self, blocks: Sequence[bytes]) -> list[int]:
-        """Return how many samples end in each block if their bytes are those of samples alone."""
-
-    def feed_together(
-        self, blocks: Sequence[bytes], accepts: Callable[[RawSamples], bool]
-    ) -> tuple[RawSamples, list[int]] | None:
-        """Return the samples that blocks complete, and how many each of them.
-
-        Returns None, and takes nothing, of samples that are not accepted, and of other bytes than
-        those of samples: which of these are refused depends on the blocks.
-        """
-        before, counts = vars(self).copy(), self.count_ends(blocks)
-        samples = self.feed(b"".join(blocks))
-        is_clean = (self.corrupt, self.skipped) == (before["corrupt"], before["skipped"])
-        if is_clean and len(samples) == sum(counts) and accepts(samples):
-            return samples, counts
-        vars(self).update(before)
-        return None
-
 
 def pack(samples: RawSamples) -> bytes:
     """Samples as fixed frames."""
@@ -182,13 +160,6 @@ class FixedFrames(Parser):
         self.rest = raw[place:]
         return samples_from(np.frombuffer(b"".join(good), self.dtype))
 
-    def count_ends(self, blocks: Sequence[bytes]) -> list[int]:
-        places = accumulate(map(len, blocks), initial=len(self.rest))
-        return [
-            end // self.dtype.itemsize - start // self.dtype.itemsize
-            for start, end in pairwise(places)
-        ]
-
     def resume(self, raw: bytes, view: memoryview, place: int) -> int:
         """The place where a sound frame begins again, or may begin with bytes that are still to
         come."""
@@ -226,9 +197,6 @@ class CobsFrames(Parser):
         fine = are_sound(memoryview(raw.tobytes()), self.dtype)
         self.refuse([part for part, good in zip(whole, fine, strict=True) if not good])
         return samples_from(np.ascontiguousarray(raw[fine]).view(self.dtype).ravel())
-
-    def count_ends(self, blocks: Sequence[bytes]) -> list[int]:
-        return [block.count(b"\0") for block in blocks]
 
     def refuse(self, parts: list[bytes]) -> None:
         self.corrupt += len(parts)
@@ -295,11 +263,6 @@ class TextLines(Parser):
             table[:, 2:].astype(np.int32),
             channels,
         )
-
-    def count_ends(self, blocks: Sequence[bytes]) -> list[int]:
-        lines = (self.rest + b"".join(blocks)).split(b"\n")
-        is_short = max(map(len, lines)) <= self.LONGEST  # else it is cut where a block ends
-        return [block.count(b"\n") if is_short else -1 for block in blocks]
 
     def numbers(self, line: bytes) -> list[Any] | None:
         text = line.strip()
