@@ -16,7 +16,7 @@ else:
                 "SATURATED UNEQUAL counts_per_ampere counts_to_readings counts_to_xy_sum "
                 "readings_to_counts"
             ),
-            "drift": "draw_power_law",
+            "drift": "draw_flicker draw_walk",
             "electrodes": "fractions places",
             "noise": (
                 "ELECTRIC add_noise electrode_currents fullness least_light power_floor "

@@ -25,19 +25,15 @@ def flicker_densities(sensor: Sensor, reading: Floats) -> Floats:
     return density
 
 
-def draw_power_law(
-    density: Floats, exponent: int, count: int, step: float, rng: np.random.Generator
-) -> Floats:
-    """Draw noise (count, m) of densities (m,) / f^exponent, from its first value on.
+def draw_flicker(density: Floats, count: int, step: float, rng: np.random.Generator) -> Floats:
+    """Draw noise (count, m) of densities (m,) / f, from its first value on.
 
     density: at 1 Hz.  step: between samples, s.
     """
-    if exponent == 2:
-        return draw_walk(density, count, step, rng)
     size = 2 * count  # the draw repeats itself after that, and lacks what is slower
     frequency = np.fft.rfftfreq(size, step)[1:, None]
     parts = rng.standard_normal((2, len(frequency), len(density)))
-    scale = np.sqrt(density / frequency**exponent * size / (4 * step))
+    scale = np.sqrt(density / frequency * size / (4 * step))
     spectrum = np.concatenate([np.zeros((1, len(density))), scale * (parts[0] + 1j * parts[1])])
     drawn: Floats = np.fft.irfft(spectrum, size, axis=0)[:count]
     drawn -= drawn[:1].copy()
@@ -62,7 +58,7 @@ def draw_beam_and_temperature(
     """Draw the shift of the beam (count, 2), mm, and of the temperature (count,), K."""
     drift = sensor.drift
     amplitude = np.array([drift.pointing, drift.pointing, drift.temperature])
-    walks = draw_power_law(amplitude**2, 2, count, step, rng)
+    walks = draw_walk(amplitude**2, count, step, rng)
     return walks[:, :2] + np.outer(walks[:, 2], sensor.thermal.beam), walks[:, 2]
 
 
@@ -71,6 +67,6 @@ def draw_readings(
 ) -> Floats:
     """Draw the slow noise of readings (n, 9).  warmer: (n,) shift of the temperature, K."""
     mean = exact[np.isfinite(exact).all(axis=1)].mean(axis=0)
-    drawn = draw_power_law(flicker_densities(sensor, mean), 1, len(exact), step, rng)
+    drawn = draw_flicker(flicker_densities(sensor, mean), len(exact), step, rng)
     drawn[:, PLACES] += np.outer(warmer, sensor.thermal.places)
     return drawn

@@ -7,7 +7,7 @@ import pytest
 
 import facets
 from facets.characterization import density_at_rest, estimators
-from facets.detectors import draw_power_law
+from facets.detectors import draw_flicker
 
 RATE, COUNT = 100.0, 60_000
 
@@ -16,7 +16,7 @@ def test_drawn_flicker_has_its_density():
     """Walks: tests/detectors/test_drift.py."""
     from scipy import signal
 
-    drawn = draw_power_law(np.array([4.0, 9.0]), 1, COUNT, 1 / RATE, np.random.default_rng(4))
+    drawn = draw_flicker(np.array([4.0, 9.0]), COUNT, 1 / RATE, np.random.default_rng(4))
     assert (drawn[0] == 0).all()
     frequency, density = signal.welch(drawn.T, RATE, nperseg=8192, detrend="linear")
     band = (frequency > 0.5) & (frequency < 20)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from facets.detectors import draw_power_law
+from facets.detectors import draw_walk
 
 COUNT, STEP, DRAWS = 400, 0.05, 300
 AMPLITUDE = 1.5
@@ -12,7 +12,7 @@ AMPLITUDE = 1.5
 
 def draw_walks(count=COUNT, seed=7):
     rng = np.random.default_rng(seed)
-    return draw_power_law(np.full(DRAWS, AMPLITUDE**2), 2, count, STEP, rng)
+    return draw_walk(np.full(DRAWS, AMPLITUDE**2), count, STEP, rng)
 
 
 @pytest.mark.parametrize("place", [1, COUNT // 10, COUNT // 2, COUNT - 1])
