@@ -66,18 +66,17 @@ def measure(quick: bool, seed: int) -> list[Row]:
     poses, few, rounds = (5_000, 200, 3) if quick else (50_000, 2_000, 15)
     states = states_in_range(poses, seed)
     rows = np.hstack([readings(SENSOR, states), states])
-    table = []
-    for row, way in time_ways("readings", reading_ways(poses, few), rows, rounds):
-        table.append(row | reading_errors(way, rows))
-    for row, way in time_ways("poses", pose_ways(poses, few), rows, rounds):
-        table.append(row | pose_errors(way, rows))
+    table = [
+        *time_ways("readings", reading_ways(poses, few), rows, rounds, reading_errors),
+        *time_ways("poses", pose_ways(poses, few), rows, rounds, pose_errors),
+    ]
     for task, ways in light_tasks(rows[: poses // 4], seed).items():
-        table += [row for row, _ in time_ways(task, ways, rows, rounds)]
+        table += time_ways(task, ways, rows, rounds)
     with tempfile.TemporaryDirectory() as folder:
         ways = run_ways(Path(folder), np.resize(rows, (FILE_ROWS, rows.shape[1])))
-        table += [row for row, _ in time_ways("files", ways, rows, 3)]
+        table += time_ways("files", ways, rows, 3)
     if not quick:
-        table += [row for row, _ in time_ways("nothing compiled", first_use_ways(), rows, 2)]
+        table += time_ways("nothing compiled", first_use_ways(), rows, 2)
     return [row | ratios_to_rivals(row, table) for row in table]
 
 
@@ -119,12 +118,14 @@ def pose_errors(way: Contender, rows: Floats) -> Row:
 
 
 def time_ways(
-    task: str, ways: list[Contender], rows: Floats, rounds: int
-) -> Iterator[tuple[Row, Contender]]:
-    """Yield the row of each way of a task, without errors and ratios."""
+    task: str, ways: list[Contender], rows: Floats, rounds: int,
+    errors: Callable[[Contender, Floats], Row] = lambda *_: {},
+) -> Iterator[Row]:  # fmt: skip
+    """Yield the row of each way of a task, without ratios; errors: measures those of a way."""
     for way, (seconds, spread) in zip(ways, cpu_seconds(ways, rows, rounds), strict=True):
         row = {"task": task, "way": way.name, "us": 1e6 * seconds, "spread": spread}
-        yield row | dict.fromkeys(("to_c", "to_numpy", "error_mm", "error_rad"), np.nan), way
+        unknown = dict.fromkeys(("to_c", "to_numpy", "error_mm", "error_rad"), np.nan)
+        yield row | unknown | errors(way, rows)
 
 
 def exact_readings(states: Floats) -> Any:
