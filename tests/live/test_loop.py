@@ -241,14 +241,14 @@ def test_a_terminal_that_is_gone_ends_the_view_and_not_the_loop():
 
 
 def test_the_place_of_a_moving_beam_is_known_as_well_as_its_age_and_speed_allow():
-    pipeline = Pipeline(replace(CONFIG, solve=replace(CONFIG.solve, beam="known")))
+    config = replace(CONFIG, solve=replace(CONFIG.solve, beam="known"))
     encoder = Encoder(10.0, np.array([1.0, 2.0]), np.array([3.0, 4.0]))
-    (batch,) = pipeline.take(kills.stream(1), 10.0)
 
     def beam_at(host):
-        located = locate(CONFIG, np.array([host]), host, encoder)
-        samples = pipeline.samples_of(replace(batch, **located))
-        return pipeline.measurement.knowledge(samples).beam
+        known = locate(config, np.array([host]), host, encoder)
+        place, sigma = known["place"], known["place_sigma"]
+        samples = facets.Samples(np.zeros((1, 9)), place=place, place_sigma=sigma)
+        return facets.Measurement(config).knowledge(samples).beam
 
     beam = beam_at(10.02)
     assert beam.mean == pytest.approx(np.array([[1.06, 2.08]]) + CONFIG.solve.beam_offset)

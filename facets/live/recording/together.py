@@ -16,7 +16,7 @@ import numpy as np
 
 from ...tracking.encoder import Encoder
 from ..run.doubts import LOOKED_AT
-from ..run.pipeline import Batch, Pipeline, RunPoses, join
+from ..run.pipeline import Batch, Pipeline, RunPoses, join, samples_of
 from ..sources.frames import POSE, RawSamples
 from ..sources.source import Block
 
@@ -91,7 +91,7 @@ def solve_together(pipeline: Pipeline, batches: Sequence[Batch]) -> Iterator[Run
         return
     whole = join(batches)
     ends = np.cumsum(list(map(len, batches)))
-    samples = replace(pipeline.samples_of(whole), ends=ends)
+    samples = replace(samples_of(pipeline.config, whole), ends=ends)
     poses = pipeline.measurement.poses_of_pieces(samples)
     if poses is not None:
         yield pipeline.screen_poses(whole, samples, poses)

@@ -272,7 +272,7 @@ class Pipeline:
         )  # fmt: skip
         prepare(self.config.sensor, self.measurement.at_rest)
         warm = Pipeline(self.config)
-        warm.measurement.poses(warm.samples_of(example))
+        warm.measurement.poses(samples_of(self.config, example))
         unseen_errors(self.config.sensor, np.zeros(8))
 
     def solve(self, batch: Batch) -> RunPoses:
@@ -281,7 +281,7 @@ class Pipeline:
         The estimator screens each sample first: one with too few detectors that have enough light,
         within their edges and below saturation, gets its status without a step.
         """
-        samples = self.samples_of(batch)
+        samples = samples_of(self.config, batch)
         poses = self.measurement.poses(samples)
         if self.board.came:  # the board does not know the temperature
             known = poses.solution
@@ -301,17 +301,18 @@ class Pipeline:
 
     def skip(self, batch: Batch) -> RunPoses:
         """Return the samples of a batch without poses, for which there was no time."""
-        return batch.join_solution(self.measurement.skip(self.samples_of(batch)))
+        return batch.join_solution(self.measurement.skip(samples_of(self.config, batch)))
 
-    def samples_of(self, batch: Batch) -> Samples:
-        """Return the samples of a batch with the beam's place by the stage, and temperatures."""
-        temperature = None
-        if self.config.sensor.thermal.is_on:
-            temperature = batch.channels.get(TEMPERATURE_COLUMN)
-        return Samples(
-            batch.aligned, batch.seq, 1e-6 * batch.time.astype(np.float64), temperature,
-            batch.place, batch.place_sigma, batch.flags & SATURATED > 0,
-        )  # fmt: skip
+
+def samples_of(config: Config, batch: Batch) -> Samples:
+    """Return the samples of a batch with the beam's place by the stage, and temperatures."""
+    temperature = None
+    if config.sensor.thermal.is_on:
+        temperature = batch.channels.get(TEMPERATURE_COLUMN)
+    return Samples(
+        batch.aligned, batch.seq, 1e-6 * batch.time.astype(np.float64), temperature,
+        batch.place, batch.place_sigma, batch.flags & SATURATED > 0,
+    )  # fmt: skip
 
 
 def convert(config: Config, samples: RawSamples) -> tuple[Floats, NDArray[np.uint8]]:
@@ -339,13 +340,10 @@ def locate(config: Config, host: Floats, arrival: float, encoder: Encoder | None
         if age <= MAX_EXTRAPOLATION_S:
             # the stage may have changed its speed since it answered: half the way is uncertain
             moving = float(np.hypot(*encoder.speed)) * (TIMING_SIGMA_S + max(0.0, age) / 2)
-            sigma = hypot(config.stage.accuracy, moving, jitter_of(config))
+            electronics = config.sensor.electronics
+            jitter = electronics.pointing if electronics else 0.0  # of the beam at the mirror
+            sigma = hypot(config.stage.accuracy, moving, jitter)
     return {"arrival": arrival, "place": place, "place_sigma": sigma}
-
-
-def jitter_of(config: Config) -> float:
-    """The beam's pointing jitter at the mirror, 1 sigma, mm."""
-    return config.sensor.electronics.pointing if config.sensor.electronics else 0.0
 
 
 def join_poses(parts: list[RunPoses]) -> RunPoses:
