@@ -167,7 +167,10 @@ class Playback:
         with tables.open_writer(path, about) as writer:
             for part in parts:
                 writer.write(worded_columns(part.columns()))
-            refuse_nothing(path, writer.file)
+            if not writer.file:
+                raise InputError(
+                    f"{path}: was not written, because the recording holds no complete sample"
+                )
 
     def describe(
         self, comparison: PoseComparison, config_name: str | None
@@ -194,12 +197,6 @@ def gather_poses(parts: Iterable[RunPoses]) -> Iterator[RunPoses]:
             held, count = [], 0
     if held:
         yield join_poses(held)
-
-
-def refuse_nothing(path: Path, written: object) -> None:
-    """Raise `InputError` if there is nothing to write."""
-    if not written:
-        raise InputError(f"{path}: was not written, because the recording holds no complete sample")
 
 
 def is_mcap(path: Path | None) -> bool:
