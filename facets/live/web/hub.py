@@ -65,10 +65,8 @@ class Hub:
         self.origin: float | None = None
         whole = RECORDED_BINS if about.get("kind") == "replay" else ALL_BINS
         self.channels = extra_columns(about)
-        self.levels: list[Bins] = [
-            Bins(NEAR_WIDTH_S, NEAR_BINS, self.channels),
-            AllBins(ALL_WIDTH_S, whole, self.channels),
-        ]
+        self.all = AllBins(ALL_WIDTH_S, whole, self.channels)
+        self.levels = [Bins(NEAR_WIDTH_S, NEAR_BINS, self.channels), self.all]
         self.newest: dict[str, Any] | None = None
         self.last = -1  # the highest number of a sample
         self.status: dict[str, Any] | None = None
@@ -105,12 +103,6 @@ class Hub:
             self.last = int(rows["seq"][best])
             self.newest = self.sample(rows[best], float(times[best]))
         self.came.append((time.monotonic(), len(rows)))
-
-    @property
-    def all(self) -> AllBins:
-        level = self.levels[1]
-        assert isinstance(level, AllBins)
-        return level
 
     def sample(self, row: Any, at: float) -> dict[str, Any]:
         """A sample in the units of its columns."""
