@@ -190,13 +190,13 @@ class Board:
         gone = self.schedule.is_on("unplug", now)
         if gone and not self.unplugged:
             self.port.close()
-            self.clear()
+            self.packets.clear()
         if self.unplugged and not gone:
             self.port.open()
         self.unplugged = gone
         booting = self.schedule.is_on("restart", now)
         if booting and not self.booting:
-            self.clear()
+            self.packets.clear()
             self.overrun = False
         if self.booting and not booting:
             self.born, self.born_at = self.count.made, None
@@ -271,10 +271,6 @@ class Board:
             samples = add_board_poses(samples, self.firmware, dark)
         return encode(self.config.acquire.format, samples)
 
-    def clear(self) -> None:
-        """Throw the waiting bytes away."""
-        self.packets.clear()
-
     def lose(self, count: int) -> None:
         """Count samples that are never sent; the next sample carries the flag OVERRUN."""
         self.count.dropped += count
@@ -342,7 +338,7 @@ class Board:
         else:
             self.read_at = now
         if self.packets and now - self.read_at > UNREAD_TIMEOUT_S:
-            self.clear()
+            self.packets.clear()
             self.overrun = True
 
     def may_move(self) -> bool:
