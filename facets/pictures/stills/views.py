@@ -111,16 +111,13 @@ class SceneView:
     def powers(self) -> list[float]:
         return [float(power) for power in readings(self.sensor, self.state)[2::3]]
 
-    def sigma(self) -> float:
-        return max(self.sensor.beam.diameter_x, self.sensor.beam.diameter_y) / 4
-
     def side(self, share: float) -> int:
         """Return the even side of an inset in pixels, as a share of the picture."""
         return int(share * min(self.size[1], self.size[0] * 0.75)) // 2 * 2
 
     def point_camera(self, sigmas: float, below: float, size: tuple[int, int]) -> Camera:
         """Place a camera close to the apex, on the side of facets A and C."""
-        sigma = self.sigma()
+        sigma = max(self.sensor.beam.diameter_x, self.sensor.beam.diameter_y) / 4
         focus = self.state[:3] - np.array([0, 0, below * sigma])
         return Camera(focus, POINT_VIEW, sigmas * sigma, size, angle=0.30)
 
