@@ -13,6 +13,7 @@ from contextlib import suppress
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Protocol
 
+from ..core.errors import FacetsError
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .line import Line
@@ -96,10 +97,10 @@ def driver_of(name: str) -> EntryPoint:
 
 
 def open_by_package(driver: EntryPoint, name: str, settings: Settings) -> Driver:
-    """Open the driver of another package; errors other than `StageError` name the driver."""
+    """Open the driver of another package; errors other than those of facets name the driver."""
     try:
         opened: Driver = driver.load()(name, settings)
-    except StageError:
+    except FacetsError:
         raise
     except Exception as error:
         what = f"{driver.value}: {type(error).__name__}: {error}"

@@ -15,7 +15,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import InputError
 from ..core.extras import require_extra
 from .stage import StageError
 
@@ -96,13 +95,12 @@ class CardLine(Permit):
     """A digital line of a card. Not tested on a card: written from the maker's documentation."""
 
     def __init__(self, name: str, is_output: bool) -> None:
+        nidaqmx = require_extra("nidaqmx", name)
         try:
-            self.task = require_extra("nidaqmx", name).Task()
+            self.task = nidaqmx.Task()
             channels = self.task.do_channels if is_output else self.task.di_channels
             add = channels.add_do_chan if is_output else channels.add_di_chan
             add(name.partition(":")[2])
-        except InputError as error:
-            raise StageError(str(error)) from None
         except Exception as error:  # also if the maker's driver is not installed
             raise StageError(f"{name}: cannot be opened: {error}") from None
         self.name, self.high = name, False

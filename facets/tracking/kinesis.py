@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from ..core.errors import InputError
 from ..core.extras import require_extra
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
@@ -34,10 +33,7 @@ def open_kinesis(name: str, settings: Settings) -> Kinesis:
             f"{name}: give the serial numbers of the controllers of x and y, as in "
             "kinesis:27000001,27000002, or of one with two channels"
         )
-    try:
-        Thorlabs = require_extra("pylablib.devices.Thorlabs", name)
-    except InputError as error:
-        raise StageError(str(error)) from None
+    Thorlabs = require_extra("pylablib.devices.Thorlabs", name)
     motors: list[Any] = []
     try:
         for number in numbers:

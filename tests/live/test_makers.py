@@ -24,7 +24,7 @@ from facets.live import (
     open_port,
     pack,
 )
-from facets.tracking import Heartbeat, StageError, close_line, open_permit
+from facets.tracking import Heartbeat, close_line, open_permit
 
 CONFIG = facets.load("bench")
 ELECTRONICS = replace(CONFIG.electronics, adc_bits=16, adc_range=10.0)
@@ -160,5 +160,5 @@ def test_a_card_gives_the_permit_and_takes_the_heartbeat(installed):
 
 def test_a_permit_by_a_card_whose_package_is_missing_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "nidaqmx", None)
-    with pytest.raises(StageError, match="nidaqmx"):
+    with pytest.raises(facets.InputError, match="nidaqmx"):
         open_permit("ni:Dev1/port0/line0", 0.05)

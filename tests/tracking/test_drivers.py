@@ -151,7 +151,7 @@ def test_a_driver_with_a_missing_method_is_closed(mine, monkeypatch):
 
 def test_a_kinesis_stage_needs_its_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "pylablib", None)
-    with pytest.raises(StageError, match="needs pylablib"):
+    with pytest.raises(facets.InputError, match="needs pylablib"):
         open_driver("kinesis:1,2", OTHER, print)
 
 

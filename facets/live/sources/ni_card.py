@@ -18,7 +18,6 @@ from urllib.parse import parse_qsl
 import numpy as np
 
 from ...core.closing import ClosedAtExit
-from ...core.errors import InputError
 from ...core.extras import require_extra
 from ...core.units import Floats
 from .frames import ELECTRODES, MAX_CHANNELS, RawSamples, pack
@@ -72,12 +71,9 @@ class Card(ClosedAtExit):
                 f"terminal={'|'.join(TERMINALS)}"
             )
         self.rate, self.bits, self.full = options["rate"], options["bits"], options["range"]
-        try:
-            nidaqmx = require_extra("nidaqmx", name)
-            constants = require_extra("nidaqmx.constants", name)
-            readers = require_extra("nidaqmx.stream_readers", name)
-        except InputError as error:
-            raise PortInUse(str(error)) from None
+        nidaqmx = require_extra("nidaqmx", name)
+        constants = require_extra("nidaqmx.constants", name)
+        readers = require_extra("nidaqmx.stream_readers", name)
         self.task: Any = None
         try:
             self.task = nidaqmx.Task()

@@ -18,6 +18,7 @@ from typing import Any
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from ...core.closing import ClosedAtExit
+from ...core.errors import FacetsError
 from .source import MAX_READ_BYTES, POLL_S, PortError, PortInUse, Source
 
 #: Group of the entry points by which other packages bring ports.
@@ -303,10 +304,10 @@ def source_of(name: str) -> EntryPoint | None:
 
 
 def open_by_package(source: EntryPoint, name: str, baud: int) -> Source:
-    """Open a port of another package, which errors other than `PortError` name."""
+    """Open a port of another package, which errors other than those of facets name."""
     try:
         port: Source = source.load()(name, baud)
-    except PortError:
+    except FacetsError:
         raise
     except Exception as error:
         what = f"{source.value}: {type(error).__name__}: {error}"

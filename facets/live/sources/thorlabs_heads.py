@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from ...core.closing import ClosedAtExit
-from ...core.errors import InputError
 from ...core.extras import require_extra
 from .frames import XY_SUM
 from .ni_card import counts_of_volts, frames_of, numbers_of
@@ -40,10 +39,7 @@ class Heads(ClosedAtExit):
                 "thorlabs:69000001,69000002,69000003, and of the options rate, bits, range"
             )
         self.period, self.bits, self.full = 1 / options["rate"], options["bits"], options["range"]
-        try:
-            Thorlabs = require_extra("pylablib.devices.Thorlabs", name)
-        except InputError as error:
-            raise PortInUse(str(error)) from None
+        Thorlabs = require_extra("pylablib.devices.Thorlabs", name)
         self.heads: list[Any] = []
         try:
             for number in numbers:
