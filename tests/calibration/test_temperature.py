@@ -74,7 +74,10 @@ def test_the_coefficients_are_those_of_the_rig(calibrated):
 
 @pytest.mark.slow
 def test_a_temperature_that_leads_the_head():
-    """The head follows a ramp with a time constant of a quarter of the run."""
+    """The head follows a ramp with a time constant of a quarter of the run.
+
+    Drifts may take what the nearest of the courses that are tried leaves.
+    """
     time = np.linspace(0, 4, 200)
     air = 18.5 + np.minimum(time, 2)  # its mean is 20, where the rig is nominal
     head = np.full(200, air[0])
@@ -82,7 +85,7 @@ def test_a_temperature_that_leads_the_head():
         head[n] = head[n - 1] + (air[n] - head[n - 1]) * (1 - np.exp(-time[1]))
     judged = judge(sample(3, head.round(2), temperature_c=air, time_s=time), ASKED)
     assert judged.is_trusted
-    assert accepted_effects(judged) == {"temperature_lag"}
+    assert "temperature_lag" in accepted_effects(judged)
     assert "follow temperature_c late" in words_of(judged)
     off, u = errors_of_coefficients(judged.sensor)
     assert (np.abs(off) < 3 * u).all()

@@ -1,6 +1,6 @@
 """Uncertainties of objects' poses and displacements: 95 % intervals hold over noise and rigs."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -85,7 +85,8 @@ def test_intervals_of_displacements_hold_over_rigs_and_noise(count):
 
 def part_of(found, which):
     """Some rows of a solution or of poses of an object."""
-    rows = {k: v[which] for k, v in vars(found).items() if isinstance(v, np.ndarray)}
+    names = [field.name for field in fields(found)]
+    rows = {k: v[which] for k in names if isinstance(v := getattr(found, k), np.ndarray)}
     return replace(found, **rows)
 
 
