@@ -24,7 +24,8 @@ class PlainParameters:
     def get_params(self, ctx: Any) -> list[Any]:
         params: list[Any] = super().get_params(ctx)  # type: ignore[misc]
         for param in params:
-            if "get_runtime_param" not in vars(param):
+            # an earlier typer converts without pydantic
+            if hasattr(param, "get_runtime_param") and "get_runtime_param" not in vars(param):
                 Conversion(param)
         return params
 
