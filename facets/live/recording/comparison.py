@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...core.names import STATE_COLUMNS
 from ...core.version import __version__
 from ...estimation.solution import Status
+from ...files.columns import join_columns
 from ..run.pipeline import RunPoses
 from .index import Damage
 from .pose_table import Columns
@@ -30,14 +31,15 @@ UNSEALED = (
 class PoseComparison:
     """Compares recorded poses with those of a replay, sample by sample, as both come.
 
-    stored: the recorded poses, in whatever order they were written.  recorded: poses on record.
-    skipped: samples among them that the run did not solve.  absent: those that the replay does not
-    have.  unrecorded: samples of the replay without a pose on record, the first and the last of
-    which are `ends`.  different: those that are not the same to the last bit, in `columns`.  worst:
-    difference of a pose, in standard uncertainties; infinite where only one of the two has a pose.
-    since: the first sample that is different or absent.  waiting: poses of the replay that may come
-    on record.  early: recorded poses that the replay may reach.  last, newest: the largest number
-    of a sample in the replay and on record so far.
+    stored: the recorded poses, in the order in which they were written.  recorded: number of
+    recorded poses.  skipped: number of recorded samples that the run did not solve.  absent: number
+    of recorded poses that the replay does not have.  unrecorded: number of samples of the replay
+    without a recorded pose; `ends` has the first and the last.  different: number of poses that are
+    not the same to the last bit; `columns` names the columns.  worst: largest difference of a pose,
+    in standard uncertainties; infinite if only one of the two has a pose.  since: the first sample
+    that is different or absent.  waiting: poses of the replay whose recorded ones may still come.
+    early: recorded poses that the replay may still reach.  last, newest: the largest number of a
+    sample in the replay and in the recording so far.
     """
 
     stored: Iterator[Columns]
@@ -50,26 +52,26 @@ class PoseComparison:
     columns: list[str] = field(default_factory=list)
     worst: float = 0.0
     since: int | None = None
-    waiting: list[Columns] = field(default_factory=list)
-    early: Columns | None = None
+    waiting: Columns = field(default_factory=dict)
+    early: Columns = field(default_factory=dict)
     last: float = -inf
     newest: float = -inf
 
     @property
     def is_same(self) -> bool:
-        """Whether all that is there of both is the same."""
+        """Whether all poses that both have are the same."""
         return not self.different
 
     def following(self, replayed: Iterable[RunPoses]) -> Iterator[RunPoses]:
-        """Yield the same poses, and compare all of them with those on record."""
+        """Yield the same poses, and compare all of them with the recorded ones."""
         for poses in replayed:
             self.add(poses.columns())
             yield poses
         self.finish()
 
     def add(self, replayed: Columns) -> None:
-        """Compare the next poses of a replay, whose numbers only grow."""
-        self.waiting.append(replayed)
+        """Compare the next poses of a replay, whose numbers increase."""
+        self.waiting = join_columns([self.waiting, replayed]) if self.waiting else replayed
         self.last = int(replayed["seq"][-1])
         self.read()
 
@@ -80,11 +82,11 @@ class PoseComparison:
 
     def read(self) -> None:
         """Compare the recorded poses up to the last one of the replay."""
-        if self.early is not None:
+        if self.early:
             self.match(self.early)
         while self.newest < self.last:
             part = next(self.stored, None)
-            if part is None:  # no more poses come on record
+            if part is None:  # no more recorded poses come
                 self.count_missing()
                 break
             self.recorded += len(part["seq"])
@@ -94,19 +96,14 @@ class PoseComparison:
 
     def match(self, recorded: Columns) -> None:
         """Compare recorded poses with those of the replay that have the same numbers."""
-        for n, replayed in enumerate(self.waiting):
-            here = np.isin(recorded["seq"], replayed["seq"])
-            if not here.any():
-                continue
-            old = select_rows(recorded, here & (recorded["status"] != Status.SKIPPED))
-            rows = np.searchsorted(replayed["seq"], old["seq"])
-            self.compare_rows(old, select_rows(replayed, rows))
-            rest = ~np.isin(replayed["seq"], recorded["seq"])
-            self.waiting[n] = select_rows(replayed, rest)
-            recorded = select_rows(recorded, ~here)
-        self.waiting = [part for part in self.waiting if len(part["seq"])]
+        numbers = self.waiting.get("seq", np.zeros(0, np.int64))
+        is_replayed = np.isin(recorded["seq"], numbers)
+        is_solved = recorded["status"] != Status.SKIPPED
+        old = select_rows(recorded, is_replayed & is_solved)
+        self.compare_rows(old, select_rows(self.waiting, np.searchsorted(numbers, old["seq"])))
+        self.waiting = select_rows(self.waiting, ~np.isin(numbers, recorded["seq"]))
         is_ahead = recorded["seq"] > self.last
-        absent = recorded["seq"][~is_ahead & (recorded["status"] != Status.SKIPPED)]
+        absent = recorded["seq"][~(is_replayed | is_ahead) & is_solved]
         self.absent += len(absent)
         self.doubt(absent)
         self.early = select_rows(recorded, is_ahead)
@@ -133,12 +130,13 @@ class PoseComparison:
             self.since = int(min(numbers.min(), inf if self.since is None else self.since))
 
     def count_missing(self) -> None:
-        """Count what waits as without a pose on record."""
-        for part in self.waiting:
-            first = self.ends[0] if self.unrecorded else int(part["seq"][0])
-            self.ends = first, int(part["seq"][-1])
-            self.unrecorded += len(part["seq"])
-        self.waiting = []
+        """Count the waiting poses as samples without a recorded pose."""
+        numbers = self.waiting.get("seq", ())
+        if len(numbers):
+            first = self.ends[0] if self.unrecorded else int(numbers[0])
+            self.ends = first, int(numbers[-1])
+            self.unrecorded += len(numbers)
+        self.waiting = {}
 
 
 def select_rows(columns: Columns, rows: Any) -> Columns:

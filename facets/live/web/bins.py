@@ -1,8 +1,6 @@
-"""Samples condensed to time bins: what a strip of a few hundred pixels can show of them."""
+"""Samples condensed to time bins, of which a strip chart of a few hundred pixels shows all."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +10,7 @@ from ...core.units import Floats
 
 #: Columns of a bin as pages get them: samples, those with a pose, the largest residual, the mean
 #: readings, and for each component of the state its least, its largest, its mean and the largest
-#: standard uncertainty. Means, ends and uncertainties are of the samples with a pose.
+#: standard uncertainty. Residuals, states and uncertainties are those of the samples with a pose.
 COLUMNS = (
     "samples",
     "poses",
@@ -20,138 +18,124 @@ COLUMNS = (
     *READING_COLUMNS,
     *(f"{part}{name}" for part in ("least_", "most_", "mean_", "u_") for name in STATE_COLUMNS),
 )
+#: How the three tables of `Bins` take in samples, and the value of an empty bin.
+REDUCTIONS = ((np.add, 0.0), (np.fmin, np.nan), (np.fmax, np.nan))
 
-
-def bin_columns(channels: tuple[str, ...]) -> tuple[str, ...]:
-    """COLUMNS, and the least, the largest and the mean of each auxiliary channel."""
-    return (
-        *COLUMNS,
-        *(f"{part}{name}" for part in ("least_", "most_", "mean_") for name in channels),
-    )
-
-
+_U_COLUMNS = tuple(f"u_{name}" for name in STATE_COLUMNS)
 _READINGS, _STATES = len(READING_COLUMNS), len(STATE_COLUMNS)
 
 Rows = NDArray[np.void]
 Numbers = NDArray[np.int64]
 
 
-class Part:
-    """Sums and ends over bins of some samples: numbers (n,), and arrays with a row for each."""
-
-    def __init__(self, numbers: Numbers, rows: Rows, channels: tuple[str, ...]) -> None:
-        """numbers: of the samples' bins (m,), not negative. rows: of SAMPLE, (m,), with the
-        columns of auxiliary channels."""
-        if len(numbers) > 1 and (np.diff(numbers) < 0).any():
-            order = np.argsort(numbers, kind="stable")
-            numbers, rows = numbers[order], rows[order]
-        starts = np.concatenate([[0], np.flatnonzero(np.diff(numbers)) + 1])
-        self.numbers: Numbers = numbers[starts]
-        states, sigmas = (columns(rows, names) for names in (STATE_COLUMNS, _U_COLUMNS))
-        readings, extras = (columns(rows, names) for names in (READING_COLUMNS, channels))
-        held = np.isfinite(extras)
-        # a sample has a pose where its status says so; no number is drawn of one that has none
-        good = (rows["status"] == 0) & np.isfinite(states).all(axis=1)
-        seen = np.isfinite(readings)
-        self.sums: Floats = np.add.reduceat(
-            np.column_stack(
-                [np.ones(len(rows)), good, np.where(seen, readings, 0.0), seen,
-                 np.where(good[:, None], states, 0.0), np.where(held, extras, 0.0), held]
-            ),
-            starts,
-        )  # fmt: skip
-        lowest = [np.where(good[:, None], states, np.inf), np.where(held, extras, np.inf)]
-        self.least: Floats = np.minimum.reduceat(np.column_stack(lowest), starts)
-        highest = np.column_stack([states, sigmas, rows["residual"], extras])
-        known = good[:, None] & ~np.isnan(highest)
-        known[:, 2 * _STATES + 1 :] = held
-        self.most: Floats = np.maximum.reduceat(np.where(known, highest, -np.inf), starts)
+def bin_columns(channels: tuple[str, ...]) -> tuple[str, ...]:
+    """Return COLUMNS with the least, the largest and the mean value of each auxiliary channel."""
+    return (
+        *COLUMNS,
+        *(f"{part}{name}" for part in ("least_", "most_", "mean_") for name in channels),
+    )
 
 
-def columns(rows: Rows, names: tuple[str, ...]) -> Floats:
-    """Columns of rows (n,): (n, number of names)."""
-    return np.stack([rows[name] for name in names], axis=1) if names else np.zeros((len(rows), 0))
+def reduced_numbers(rows: Rows, channels: tuple[str, ...]) -> tuple[Floats, Floats, Floats]:
+    """Return the numbers of rows (n,) that enter sums, minima and maxima, (n, k) each.
 
-
-_U_COLUMNS = tuple(f"u_{name}" for name in STATE_COLUMNS)
+    Sums: of samples, of those with a pose, of readings, states and channels, and of the known ones
+    among these. Minima: of states and channels. Maxima: of these, of uncertainties and residuals.
+    """
+    readings, states, sigmas, extras, residual = (
+        np.stack([rows[name] for name in names], axis=1) if names else np.zeros((len(rows), 0))
+        for names in (READING_COLUMNS, STATE_COLUMNS, _U_COLUMNS, channels, ("residual",))
+    )
+    # a sample has a pose if its status says so; no number is drawn of a sample without a pose
+    good = (rows["status"] == 0) & np.isfinite(states).all(axis=1)
+    for of_pose in (states, sigmas, residual):
+        of_pose[~good] = np.nan
+    extras[~np.isfinite(extras)] = np.nan
+    summed = np.column_stack([readings, states, extras])
+    known = np.isfinite(summed)
+    sums = np.column_stack([np.ones(len(rows)), good, np.where(known, summed, 0.0), known])
+    least = np.column_stack([states, extras])
+    return sums, least, np.column_stack([least, sigmas, residual])
 
 
 class Bins:
-    """Bins of one width, the newest `count` of them.
+    """Bins of one width, of which the newest `count` are kept.
 
-    width: s.  numbers: (count,) which bin a place holds, -1 for none: bin k has the times from
-    k width to (k + 1) width after the origin.  changed: bins with news since `take_changes`.
-    channels: columns of the auxiliary channels.
+    width: s.  numbers: (count,) number of the bin in each place, -1 for none: bin k has the times
+    from k width to (k + 1) width after the origin.  tables: see `reduced_numbers`; a row for each
+    bin.  changed: numbers of the bins that changed since `take_changes`.  channels: columns of the
+    auxiliary channels.
     """
 
-    def __init__(self, width: float, count: int, channels: tuple[str, ...] = ()) -> None:
+    def __init__(self, width: float, count: int, channels: tuple[str, ...]) -> None:
         self.width, self.count, self.channels = width, count, channels
-        extras = len(channels)
         self.numbers: Numbers = np.full(count, -1, np.int64)
-        self.sums = np.zeros((count, 2 + 2 * _READINGS + _STATES + 2 * extras))
-        self.least = np.full((count, _STATES + extras), np.inf)
-        self.most = np.full((count, 2 * _STATES + 1 + extras), -np.inf)
+        drawn = _STATES + len(channels)
+        columns = (2 + 2 * (_READINGS + drawn), drawn, drawn + _STATES + 1)
+        self.tables = [
+            np.full((count, width), empty)
+            for width, (_, empty) in zip(columns, REDUCTIONS, strict=True)
+        ]
         self.changed: set[int] = set()
 
     def add(self, times: Floats, rows: Rows) -> None:
-        """Takes in rows (n,) of SAMPLE at times (n,), s after the origin; those before it are not.
+        """Add rows (n,) of SAMPLE at times (n,), s after the origin, in any order.
 
-        Samples may come in any order; those of bins that are no longer held are passed over.
+        Samples from before the origin, and of bins that are no longer kept, are ignored.
         """
         numbers = np.floor(times / self.width).astype(np.int64)
-        fit = numbers >= 0
-        if fit.any():
-            self.merge(Part(numbers[fit], rows[fit], self.channels))
-
-    def merge(self, part: Part) -> None:
-        newest = max(int(self.numbers.max()), int(part.numbers[-1]))
-        held = part.numbers > newest - self.count
-        numbers, places = part.numbers[held], part.numbers[held] % self.count
+        newest = max(int(self.numbers.max()), int(numbers.max(initial=-1)))
+        chosen = np.flatnonzero((numbers >= 0) & (numbers > newest - self.count))
+        if not len(chosen):
+            return
+        chosen = chosen[np.argsort(numbers[chosen], kind="stable")]
+        numbers, rows = numbers[chosen], rows[chosen]
+        starts = np.flatnonzero(np.diff(numbers, prepend=-1))
+        numbers, places = numbers[starts], numbers[starts] % self.count
         fresh = places[self.numbers[places] != numbers]
-        self.sums[fresh], self.least[fresh], self.most[fresh] = 0.0, np.inf, -np.inf
         self.numbers[places] = numbers
-        self.sums[places] += part.sums[held]
-        self.least[places] = np.minimum(self.least[places], part.least[held])
-        self.most[places] = np.maximum(self.most[places], part.most[held])
+        parts = reduced_numbers(rows, self.channels)
+        for table, part, (reduce, empty) in zip(self.tables, parts, REDUCTIONS, strict=True):
+            table[fresh] = empty
+            table[places] = reduce(table[places], reduce.reduceat(part, starts))
         self.changed.update(numbers.tolist())
 
     def take_changes(self) -> set[int]:
+        """Return the numbers of the bins that changed since the last call."""
         changed, self.changed = self.changed, set()
         return changed
 
     def present_numbers(self) -> list[int]:
-        """The numbers of all bins that are held, in their order."""
+        """Return the numbers of all bins that are kept, in ascending order."""
         return sorted(self.numbers[self.numbers >= 0].tolist())
 
     def values(self, numbers: Numbers) -> tuple[Numbers, NDArray[np.float32]]:
-        """The bins of these numbers that are held: which, and their `bin_columns`; NaN for
-        unknown."""
+        """Return which of the bins with these numbers are kept, and their `bin_columns`; unknown
+        values are NaN."""
         places = numbers % self.count
-        held = self.numbers[places] == numbers
-        numbers, places = numbers[held], places[held]
-        ends = np.cumsum([2, _READINGS, _READINGS, _STATES, len(self.channels)])
-        sums, totals, seen, states, extras, held = np.split(self.sums[places], ends, axis=1)
+        is_kept = self.numbers[places] == numbers
+        numbers, places = numbers[is_kept], places[is_kept]
+        sums, least, most = (table[places] for table in self.tables)
+        counts, totals, known = np.split(sums, [2, 1 + sums.shape[1] // 2], axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            readings, means, extra_means = totals / seen, states / sums[:, 1:], extras / held
-        least, most = self.least[places], self.most[places]
+            means = totals / known
+        states = _READINGS + _STATES
         table = np.column_stack(
-            [sums, most[:, 2 * _STATES], readings, least[:, :_STATES], most[:, :_STATES], means,
-             most[:, _STATES : 2 * _STATES], least[:, _STATES:], most[:, 2 * _STATES + 1 :],
-             extra_means]
+            [counts, most[:, -1], means[:, :_READINGS], least[:, :_STATES], most[:, :_STATES],
+             means[:, _READINGS:states], most[:, -1 - _STATES : -1], least[:, _STATES:],
+             most[:, _STATES : -1 - _STATES], means[:, states:]]
         )  # fmt: skip
         table[~np.isfinite(table)] = np.nan
         return numbers, table.astype(np.float32)
 
 
 class AllBins(Bins):
-    """Bins of the whole run from its origin: where there are too many they become twice as wide.
+    """Bins of the whole run from its origin; if there are too many, their width doubles.
 
-    age: how often they became wider.
+    age: number of times that their width doubled.
     """
 
-    def __init__(self, width: float, count: int, channels: tuple[str, ...] = ()) -> None:
-        super().__init__(width, count, channels)
-        self.age = 0
+    age = 0
 
     def add(self, times: Floats, rows: Rows) -> None:
         last = float(times.max(initial=0.0))
@@ -160,17 +144,14 @@ class AllBins(Bins):
         super().add(times, rows)
 
     def widen(self) -> None:
+        """Join neighbouring bins in pairs."""
         half = self.count // 2
-        some = (self.numbers.reshape(half, 2) >= 0).any(axis=1)
-        joined: list[tuple[Any, Any]] = [
-            (self.sums, self.sums.reshape(half, 2, -1).sum(axis=1)),
-            (self.least, self.least.reshape(half, 2, -1).min(axis=1)),
-            (self.most, self.most.reshape(half, 2, -1).max(axis=1)),
-        ]
-        for (whole, pairs), nothing in zip(joined, (0.0, np.inf, -np.inf), strict=True):
-            whole[:half], whole[half:] = pairs, nothing
-        self.numbers[:half] = np.where(some, np.arange(half), -1)
+        is_present = (self.numbers.reshape(half, 2) >= 0).any(axis=1)
+        for table, (reduce, empty) in zip(self.tables, REDUCTIONS, strict=True):
+            table[:half] = reduce.reduce(table.reshape(half, 2, -1), axis=1)
+            table[half:] = empty
+        self.numbers[:half] = np.where(is_present, np.arange(half), -1)
         self.numbers[half:] = -1
         self.width *= 2
         self.age += 1
-        self.changed = set(np.flatnonzero(some).tolist())
+        self.changed = set(np.flatnonzero(is_present).tolist())
