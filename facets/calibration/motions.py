@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config
-from ..core.names import DETECTORS, STATE_COLUMNS, STATE_UNITS
+from ..core.names import DETECTORS, state_columns
 from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
 from ..core.units import Floats
@@ -277,9 +277,7 @@ def propose_poses(settings: Config, poses: Floats, count: int) -> Proposal:
     shares = poses[chosen] / np.maximum(np.abs(poses).max(axis=0), 1e-12)
     rest = np.zeros((1, 6))
     order = nearest_order(shares, rest[0])
-    columns = {
-        name: poses[chosen[order], n] / STATE_UNITS[n] for n, name in enumerate(STATE_COLUMNS[:6])
-    }
+    columns = state_columns(poses[chosen[order]])
     columns["rank"], columns["mean_left"] = order + 1, remaining[order]
     long, short = (travel(np.vstack([rest, places])) for places in (shares, shares[order]))
     random_reduction = mean_reduction(np.eye(rows.shape[1]) + rows.T @ rows)

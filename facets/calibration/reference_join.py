@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS, state_columns
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import correct
@@ -204,5 +204,4 @@ def add_reference(
     outside = ~((at >= track.time[0]) & (at <= track.time[-1]))
     pose, velocity, acceleration = (curve(np.nan_to_num(at), order) for order in range(3))
     pose[outside] = np.nan
-    named = {name: pose[:, n] / STATE_UNITS[n] for n, name in enumerate(REFERENCE)}
-    return columns | named, velocity, acceleration
+    return columns | state_columns(pose, "ref_"), velocity, acceleration

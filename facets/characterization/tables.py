@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS
+from ..core.names import POSE, state_columns
 from ..core.units import Floats, ascii_unit, unit_of
 from .outlines import Boundary
 from .pose_density import AVERAGING_TIMES, FREQUENCIES, PoseDensity
@@ -70,7 +70,6 @@ def noise_columns(densities: Sequence[PoseDensity]) -> dict[str, Floats]:
 
 def resolution_row(row: Resolution, i: int) -> dict[str, Any]:
     unit = unit_of(POSE[i])
-    worst_at, in_box = row.worst_state[i] / STATE_UNITS, row.box_state[i] / STATE_UNITS
     shares = {
         f"share_of_{s.replace(' ', '_')}": row.shares[i, n] for n, s in enumerate(row.sources)
     }
@@ -83,8 +82,8 @@ def resolution_row(row: Resolution, i: int) -> dict[str, Any]:
         "u_expanded_worst": 2 * unit.fine_factor * row.worst[i],
         "u_worst_in_box": unit.fine_factor * row.worst_in_box[i],
         **shares,
-        **{f"worst_at_{c}": worst_at[k] for k, c in enumerate(STATE_COLUMNS)},
-        **{f"worst_in_box_at_{c}": in_box[k] for k, c in enumerate(STATE_COLUMNS)},
+        **state_columns(row.worst_state[i], "worst_at_"),
+        **state_columns(row.box_state[i], "worst_in_box_at_"),
     }
 
 
@@ -108,7 +107,7 @@ def trial_row(number: int, where: str, result: PropagationResult, i: int) -> dic
     return {
         "pose": number,
         "where": where,
-        **{name: result.state[k] / STATE_UNITS[k] for k, name in enumerate(STATE_COLUMNS)},
+        **state_columns(result.state),
         "axis": f"displacement_{POSE[i]}" if linear.is_displacement else POSE[i],
         "unit": ascii_unit(unit.fine_unit),
         "u_linear": factor * linear.uncertainty[0, i],

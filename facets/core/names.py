@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 DETECTORS = ("a", "b", "c")
 
 #: Components of the state, Eq. (3), in the order of the arrays. The first six are the pose.
@@ -40,6 +42,15 @@ LABELS = {
     6: (STATE_COLUMNS[:6], STATE_UNITS[:6]),
     2: (STATE_COLUMNS[6:], STATE_UNITS[6:]),
 }
+
+
+def state_columns(values: Any, prefix: str = "") -> dict[str, Any]:
+    """Columns tx_mm, ... of states (..., 8) or poses (..., 6) in mm and rad, in the units of
+    tables.  prefix: of the names, such as object_."""
+    return {
+        f"{prefix}{name}": values[..., i] / STATE_UNITS[i]
+        for i, name in enumerate(STATE_COLUMNS[: values.shape[-1]])
+    }
 
 
 def covariance_entries(prefix: str = "") -> dict[str, tuple[int, int]]:

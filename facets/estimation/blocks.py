@@ -13,7 +13,6 @@ import numpy as np
 
 from ..core.knowledge import Knowledge
 from ..core.sensor import Sensor
-from ..model.arrays import packed_vectors
 from ..model.blocks import SINGLE, address_of, lane_code, lanes
 from ..model.kinds import LIT, kind_of
 from ..model.threads import once, part_of
@@ -287,55 +286,49 @@ def follow(
 
 
 def estimate(
-    sensor: Sensor,
+    kind: str,
+    packed: Array,
     readings: Readings,
     request: FitProblem,
     results: Results,
+    exact: bool = False,
 ) -> None:
     """Estimate the states of readings, and write them into `results`.
 
     Under real light, stalled estimates are repeated with exact derivatives.
+
+    kind, exact: as in `Form`.  packed: the vectors of the sensor, or a row for each reading.
     """
-    estimate_once(sensor, False, readings, request, results)
-    stalled = np.flatnonzero(results.status == STALLED) if needs_exactness(sensor) else ()
+    is_varied = packed.ndim > 1
+    code = find_code(kind, request, exact, SINGLE if request.previous else None, is_varied)
+    run = estimate_in_turn if request.previous else estimate_blocks
+    run(code, packed, readings, request, results)
+    stalled = np.flatnonzero(results.status == STALLED) if kind in LIT and not exact else ()
     if len(stalled):
-        again = empty_results(len(stalled), results.covariances.shape[1] > 0)
+        repeated = empty_results(len(stalled), results.covariances.shape[1] > 0)
         some, questions = some_rows(stalled, readings, request)
-        estimate_once(sensor, True, some, questions._replace(previous=False), again)
-        put_rows(results, stalled, again)
-
-
-def estimate_once(
-    sensor: Sensor,
-    exact: bool,
-    readings: Readings,
-    request: FitProblem,
-    results: Results,
-) -> None:
-    """Estimate readings once, with exact derivatives if `exact`, and write them into `results`."""
-    code = find_code(sensor, request, exact, SINGLE if request.previous else None)
-    way = estimate_in_turn if request.previous else estimate_blocks
-    way(code, packed_vectors(sensor), readings, request, results)
+        vectors = packed[stalled] if is_varied else packed
+        estimate(kind, vectors, some, questions._replace(previous=False), repeated, exact=True)
+        put_rows(results, stalled, repeated)
 
 
 def find_code(
-    sensor: Sensor, request: FitProblem, exact: bool = False, width: int | None = None
+    kind: str,
+    request: FitProblem,
+    exact: bool = False,
+    width: int | None = None,
+    is_varied: bool = False,
 ) -> Code:
     """Return the code that estimates blocks of readings; compile it if it is not compiled yet.
 
-    exact: see `Form`.  width: see `kernel`.
+    kind, exact, is_varied: as in `Form`.  width: see `kernel`.
     """
-    return kernel(Form(tuple(request.free.tolist()), kind_of(sensor), exact), width)
+    return kernel(Form(tuple(request.free.tolist()), kind, exact, is_varied), width)
 
 
 def prepare(sensor: Sensor, knowledge: Knowledge) -> None:
     """Compile or load everything that a reading may need, for a loop that cannot wait."""
-    free = tuple(make_plan(sensor, knowledge).free.tolist())
-    for exact in (False, True) if needs_exactness(sensor) else (False,):
+    free, kind = tuple(make_plan(sensor, knowledge).free.tolist()), kind_of(sensor)
+    for exact in (False, True) if kind in LIT else (False,):
         for width in (None, SINGLE):
-            kernel(Form(free, kind_of(sensor), exact), width)
-
-
-def needs_exactness(sensor: Sensor) -> bool:
-    """Whether the usual derivatives leave something out, so that estimates may stall."""
-    return kind_of(sensor) in LIT
+            kernel(Form(free, kind, exact), width)

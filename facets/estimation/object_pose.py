@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.arguments import as_floats, check_arguments, index_of, require_plausible
 from ..core.errors import InputError
-from ..core.names import STATE_COLUMNS, STATE_UNITS, TEMPERATURE_COLUMN, covariance_entries
+from ..core.names import STATE_UNITS, TEMPERATURE_COLUMN, covariance_entries, state_columns
 from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements, object_poses
 from ..core.units import Booleans, Floats
 from ..files.columns import pack_covariances
@@ -68,10 +68,7 @@ class ObjectPose(UncertainResult):
     ) -> dict[str, Floats]:
         """The poses as columns with their standard uncertainties, and on request their covariances
         and expanded uncertainties.  prefix: of the names, such as object_."""
-        columns = {
-            f"{prefix}{name}": self.pose[..., i] / STATE_UNITS[i]
-            for i, name in enumerate(STATE_COLUMNS[:6])
-        }
+        columns: dict[str, Floats] = state_columns(self.pose, prefix)
         if self.covariance is None:
             return columns
         columns |= uncertainty_columns(self, prefix)

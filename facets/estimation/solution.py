@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.arguments import check_arguments, index_of
 from ..core.errors import InputError
-from ..core.names import DETECTORS, STATE_COLUMNS, STATE_UNITS, covariance_entries
+from ..core.names import DETECTORS, STATE_COLUMNS, STATE_UNITS, covariance_entries, state_columns
 from ..core.units import Booleans, Floats, Integers
 from ..files.frame_table import make_frame
 from . import problem
@@ -197,11 +197,10 @@ def uncertainty_columns(result: UncertainResult, prefix: str = "") -> dict[str, 
     sizes = {"": result.uncertainty}
     if result.calibration_covariance is not None:
         sizes |= {f"{part}_": getattr(result, f"{part}_uncertainty") for part in UNCERTAINTY_PARTS}
-    return {
-        f"u_{part}{prefix}{name}": size[..., i] / STATE_UNITS[i]
-        for part, size in sizes.items()
-        for i, name in enumerate(STATE_COLUMNS[: size.shape[-1]])
-    }
+    columns: dict[str, Floats] = {}
+    for part, size in sizes.items():
+        columns |= state_columns(size, f"u_{part}{prefix}")
+    return columns
 
 
 def expanded_columns(
@@ -215,10 +214,7 @@ def expanded_columns(
     numbers = {"k": result.coverage_factor(probability)}
     if result.calibration_covariance is not None:
         numbers["degrees_of_freedom"] = result.degrees_of_freedom
-    columns = {
-        f"expanded_{prefix}{name}": sizes[..., i] / STATE_UNITS[i] for i, name in enumerate(names)
-    }
-    return columns | {
+    return state_columns(sizes, f"expanded_{prefix}") | {
         f"{kind}_{prefix}{name.partition('_')[0]}": values[..., i]
         for kind, values in numbers.items()
         for i, name in enumerate(names)
@@ -239,8 +235,7 @@ def frame_like(source: Any, sizes: Floats) -> Any:
     index = index_of(source)
     if index is None:
         return sizes
-    columns = {f"u_{name}": sizes[..., i] / STATE_UNITS[i] for i, name in enumerate(STATE_COLUMNS)}
-    return make_frame(columns, index=index)
+    return make_frame(state_columns(sizes, "u_"), index=index)
 
 
 @dataclass(frozen=True)
@@ -338,9 +333,7 @@ class Solution(UncertainResult):
     def columns(self) -> dict[str, Any]:
         """The solution as columns of numbers: state, status, the bits of the detectors used,
         residual, power, uncertainties, and `misfit`: 1 where the residual is beyond chance."""
-        columns: dict[str, Any] = {
-            name: self.state[..., i] / STATE_UNITS[i] for i, name in enumerate(STATE_COLUMNS)
-        }
+        columns = state_columns(self.state)
         columns["status"] = self.status
         columns["used"] = (self.used @ DETECTOR_BITS).astype(np.uint8)
         columns["residual"] = self.residual
@@ -378,23 +371,14 @@ class Solution(UncertainResult):
 
 
 def empty_solution(count: int, status: int, has_parts: bool) -> Solution:
-    """A solution without any pose, with one status.  has_parts: whether uncertainties have."""
+    """A solution without any pose, with one status.  has_parts: whether the covariance is given by
+    its parts as well."""
+    numbers = np.full((count, COVARIANCE + len(problem.KEPT_ENTRIES)), np.nan)
+    numbers[:, STATUS:RESIDUAL] = numbers[:, CHECKS] = 0.0
+    numbers[:, STATUS], numbers[:, LIMIT] = status, np.inf
     unknown = np.full((count, 8, 8), np.nan)
-    part = unknown if has_parts else None
-    return Solution(
-        state=np.full((count, 8), np.nan),
-        status=np.full(count, status, np.int8),
-        power=np.full(count, np.nan),
-        used=np.zeros((count, 3), bool),
-        iterations=np.zeros(count, np.int32),
-        residual=np.full(count, np.nan),
-        checks=np.zeros(count, np.int8),
-        limit=np.full(count, np.inf),
-        covariance=unknown,
-        noise_covariance=part,
-        calibration_covariance=part,
-        calibration_degrees_of_freedom=np.full(count, np.nan) if has_parts else None,
-    )
+    parts = UncertaintyParts(unknown, unknown, unknown, np.nan) if has_parts else None
+    return LazySolution.from_fields({"numbers": numbers}, parts)
 
 
 def root_of_covariance(covariance: Floats) -> Floats:

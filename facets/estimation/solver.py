@@ -21,10 +21,11 @@ from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..model.arrays import as_rows, as_vectors, packed_vectors
 from ..model.blocks import SINGLE, lanes
+from ..model.kinds import LIT, kind_of
 from ..model.many import VariedSensors
 from ..model.threads import Pool, part_of, share
-from . import blocks, problem
-from .blocks import KeptBlocks, estimate, find_code, needs_exactness
+from . import problem
+from .blocks import KeptBlocks, estimate, find_code
 from .doubts import WANDERED, is_doubtful, replace_unlikely, withdraw_doubtful
 from .plan import (
     Plan,
@@ -37,7 +38,7 @@ from .plan import (
     sigmas_of,
     start_states,
 )
-from .problem import CHECKS, COVARIANCE, ITERATIONS, LIMIT, RESIDUAL, STATUS, USED, Form
+from .problem import CHECKS, COVARIANCE, ITERATIONS, LIMIT, RESIDUAL, STATUS, USED
 from .solution import LazySolution, Solution, results_of, solution
 from .uncertainty import uncertainty_parts
 
@@ -175,7 +176,8 @@ class PreparedEstimate:
         self._chance = chance_of(sensor, plan)
         self._doubtful = is_doubtful(sensor, plan.free)
         self._seeks = sensor.light.on and self._problem.damped
-        self._has_exact = needs_exactness(sensor)
+        self._kind = kind_of(sensor)
+        self._has_exact = self._kind in LIT
         self._code: Any = None  # made when it is asked for
         self._block = KeptBlocks(
             packed_vectors(sensor), self._readings, self._problem, question.covariance
@@ -215,7 +217,7 @@ class PreparedEstimate:
         self._rows = problem.Readings(
             np.empty((rows, 9)), np.empty((rows if len(self._sigmas) else 0, 9))
         )
-        self._wide_code = find_code(self._sensor, self._problem)
+        self._wide_code = find_code(self._kind, self._problem)
         packed = packed_vectors(self._sensor)
         kept = KeptBlocks(packed, self._rows, self._problem, len(self._numbers) > COVARIANCE)
         kept.numbers[:, CHECKS:COVARIANCE] = self._numbers[CHECKS:COVARIANCE]
@@ -263,14 +265,11 @@ class PreparedEstimate:
 
     def _solution_in_doubt(self, results: problem.Results, warm: bool) -> Solution:
         """The solution of a reading whose pose may not be the right one."""
-        again, chance = self._estimate_again, self._chance
-        if self._seeks:
-            replace_unlikely(self._sensor, self._plan, chance, results, again)
-        if self._doubtful:
-            withdraw_doubtful(self._sensor, self._plan.free, chance, results, again)
+        review_poses(self._sensor, self._readings, self._plan, self._problem, results)
         if warm:
             self._keep_end(results.states[0], results.status[0])
-        return solution(results, (), chance, uncertainty_parts(self._sensor, self._plan, results))
+        parts = uncertainty_parts(self._sensor, self._plan, results)
+        return solution(results, (), self._chance, parts)
 
     def _keep_end(self, state: Floats, status: int) -> None:
         self.end = state.copy() if status == problem.CONVERGED else None
@@ -285,18 +284,11 @@ class PreparedEstimate:
         under real light."""
         self._starts[:] = start
         if self._code is None:
-            self._code = find_code(self._sensor, self._problem, width=SINGLE)
+            self._code = find_code(self._kind, self._problem, width=SINGLE)
         self._block.estimate(self._code)
         if self._has_exact and self._ends[STATUS] == problem.STALLED:
-            exact: Any = find_code(self._sensor, self._problem, True, SINGLE)
+            exact: Any = find_code(self._kind, self._problem, True, SINGLE)
             self._block.estimate(exact)
-
-    def _estimate_again(self, rows: Any, starts: Floats) -> problem.Results:
-        """Estimate the reading from another start, into new results."""
-        results = problem.empty_results(1, len(self._numbers) > COVARIANCE)
-        request = self._problem._replace(starts=starts)
-        estimate(self._sensor, self._readings, request, results)
-        return results
 
 
 #: Solvers are kept for so many questions.
@@ -460,7 +452,8 @@ def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floa
     starts = start_states(sensor, start, plan, values, ())
     request = make_problem(plan, starts, question)
     results = problem.empty_results(1, False)
-    estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), request, results)
+    readings = problem.Readings(values, sigmas_of(sensor, values))
+    estimate(kind_of(sensor), packed_vectors(sensor), readings, request, results)
     return results.states[0, :8], float(results.residuals[0])
 
 
@@ -473,30 +466,40 @@ def solve_rows(
     threads: int = 1,
 ) -> problem.Results:
     """`solve` of readings that are checked, without what the calibration adds to covariances."""
-    n = len(readings.values)
+    n, kind = len(readings.values), kind_of(sensor)
     all_results = problem.empty_results(n, covariance)
-    find_code(sensor, request)  # compiled once, before threads ask for it
+    find_code(kind, request)  # compiled once, before threads ask for it
 
     def run(part: slice) -> None:
         some, questions = problem.some_rows(part, readings, request)
         results = problem.Results(*(part_of(array, part, n) for array in all_results))
-        estimate(sensor, some, questions, results)
+        estimate(kind, packed_vectors(sensor), some, questions, results)
 
     share(run, n, threads)
+    review_poses(sensor, readings, plan, request, all_results)
+    return all_results
 
-    def again(rows: NDArray[np.intp], starts: Floats) -> problem.Results:
+
+def review_poses(
+    sensor: Sensor,
+    readings: problem.Readings,
+    plan: Plan,
+    request: problem.FitProblem,
+    results: problem.Results,
+) -> None:
+    """Seek unlikely poses anew, and withdraw those that cannot be trusted; see `doubts`."""
+
+    def estimate_anew(rows: NDArray[np.intp], starts: Floats) -> problem.Results:
         some, questions = problem.some_rows(rows, readings, request)
-        results = problem.empty_results(len(rows), covariance)
+        anew = problem.empty_results(len(rows), results.covariances.shape[1] > 0)
         questions = questions._replace(starts=starts, previous=False)
-        estimate(sensor, some, questions, results)
-        return results
+        estimate(kind_of(sensor), packed_vectors(sensor), some, questions, anew)
+        return anew
 
     chance = chance_of(sensor, plan)
     if sensor.light.on and request.damped:
-        replace_unlikely(sensor, plan, chance, all_results, again)
-    if is_doubtful(sensor, plan.free):
-        withdraw_doubtful(sensor, plan.free, chance, all_results, again)
-    return all_results
+        replace_unlikely(sensor, plan, chance, results, estimate_anew)
+    withdraw_doubtful(sensor, plan.free, chance, results, estimate_anew)
 
 
 def solve_each(
@@ -515,59 +518,31 @@ def solve_each(
     request = make_problem(plan, starts, question)
     readings = problem.Readings(values, sigmas_of(sensor, values))
 
-    def estimate(
+    def estimate_rows(
         which: Any, some: problem.Readings, questions: problem.FitProblem
     ) -> problem.Results:
         results = problem.empty_results(len(some.values), False)
         some_sensors, some_question = sensors.rows(which), question.rows(which)
         remaining = np.arange(len(some.values))
         if some_sensors.kind is not None and len(remaining):
-            kind = some_sensors.kind
-            remaining = estimate_in_blocks(some_sensors, kind, some, questions, results)
+            vectors = some_sensors.pack(some_sensors.kind)
+            estimate(some_sensors.kind, vectors, some, questions, results)
+            is_unlit = (results.status == problem.OUT_OF_RANGE) & (results.steps == 0)
+            remaining = np.flatnonzero(is_unlit & results.used.all(axis=1))  # or impossible
         estimate_singly(
             some_sensors, remaining, some.values, some_question, questions.starts, results
         )
         return results
 
-    results = estimate(np.arange(len(values)), readings, request)
-    if is_doubtful(sensor, plan.free) and sensors.kind is not None:
+    results = estimate_rows(np.arange(len(values)), readings, request)
+    if sensors.kind is not None:
 
         def again(which: Any, begin: Floats) -> problem.Results:
             some, questions = problem.some_rows(which, readings, request)
-            return estimate(which, some, questions._replace(starts=begin))
+            return estimate_rows(which, some, questions._replace(starts=begin))
 
         withdraw_doubtful(sensor, plan.free, chance_of(sensor, plan), results, again)
     return results
-
-
-def estimate_in_blocks(
-    sensors: VariedSensors,
-    kind: str,
-    readings: problem.Readings,
-    request: problem.FitProblem,
-    results: problem.Results,
-) -> Any:
-    """Estimate readings in blocks, and write them into `results`.
-
-    Returns the numbers of the rows without light at their start: their sensors may be
-    impossible.
-    """
-
-    def run(which: Any, exact: bool) -> None:
-        code = blocks.kernel(Form(tuple(request.free.tolist()), kind, exact, varied=True))
-        some, questions = problem.some_rows(which, readings, request)
-        part = problem.empty_results(len(which), False)
-        blocks.estimate_blocks(code, sensors.rows(which).pack(kind), some, questions, part)
-        problem.put_rows(results, which, part)
-
-    run(np.arange(len(readings.values)), False)
-    unlit = (
-        (results.status == problem.OUT_OF_RANGE) & (results.steps == 0) & results.used.all(axis=1)
-    )
-    stalled = np.flatnonzero(results.status == problem.STALLED)
-    if len(stalled) and kind != "plain":
-        run(stalled, True)
-    return np.flatnonzero(unlit)
 
 
 def estimate_singly(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..core.names import STATE_COLUMNS, STATE_UNITS
+from ..core.names import state_columns
 from ..core.units import Floats
 
 
@@ -27,8 +27,5 @@ def reference_poses(poses: Floats, sigma: Sequence[float], rng: np.random.Genera
 
 def reference_columns(poses: Floats) -> dict[str, Floats]:
     """Columns `ref_tx_mm` ... of `reference_poses` (n, 6), only for the measured axes."""
-    return {
-        f"ref_{STATE_COLUMNS[n]}": poses[:, n] / STATE_UNITS[n]
-        for n in range(6)
-        if not np.isnan(poses[:, n]).any()
-    }
+    columns = state_columns(poses, "ref_")
+    return {name: values for name, values in columns.items() if not np.isnan(values).any()}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
-from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, state_columns
 from ..core.rigid_body import MIRROR, MeasuredObject
 from ..core.sensor import Drift, Sensor
 from ..core.settings import Config, Solve
@@ -290,11 +290,10 @@ def true_columns(segment: Segment) -> dict[str, Any]:
         members = segment.poses.members
         start = segment.truth[members].mean(axis=0) if members.any() else zero.state
         poses["displacement_"] = transform(segment.truth, body, start).pose
-    return {
-        f"true_{prefix}{name}": pose[:, i] / STATE_UNITS[i]
-        for prefix, pose in poses.items()
-        for i, name in enumerate(STATE_COLUMNS[: pose.shape[1]])
-    }
+    columns: dict[str, Any] = {}
+    for prefix, pose in poses.items():
+        columns |= state_columns(pose, f"true_{prefix}")
+    return columns
 
 
 def time_columns(segments: Sequence[Segment]) -> dict[str, Any]:
