@@ -9,65 +9,35 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import isnan, nan
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ...tracking.encoder import Encoder
 from ..run.doubts import LOOKED_AT
-from ..run.pipeline import Batch, Pipeline, RunPoses, join, samples_of
+from ..run.pipeline import Batch, ParsedBlock, Pipeline, RunPoses, join, samples_of
 from ..sources.frames import POSE, RawSamples
 from ..sources.source import Block
 
 
-class Parsed(NamedTuple):
-    """The samples of a block, its arrival, s, and the stage's place then."""
-
-    samples: RawSamples
-    arrival: float
-    encoder: Encoder | None
-
-
 def solve_blocks(pipeline: Pipeline, blocks: Sequence[Block]) -> Iterator[RunPoses]:
-    """Yield the poses of blocks as `Pipeline.feed` gives them, those of many blocks at once."""
+    """Yield the poses of blocks as `Pipeline.feed` returns them, those of many blocks at once."""
     feed = pipeline.parser.feed
-    parsed = (Parsed(feed(block.data), block.arrival, block.encoder) for block in blocks)
+    parsed = (ParsedBlock(feed(block.data), block.arrival, block.encoder) for block in blocks)
     yield from follow_blocks(pipeline, [block for block in parsed if len(block.samples)])
 
 
-def follow_blocks(pipeline: Pipeline, blocks: Sequence[Parsed]) -> Iterator[RunPoses]:
-    """Yield the poses of blocks with samples, followed together where they simply go on."""
-    if len(blocks) < 2:
-        batches = [batch for block in blocks for batch in pipeline.follow(*block)]
-    elif not go_on(pipeline, samples := join([block.samples for block in blocks])):
-        for part in halves(blocks):
-            yield from follow_blocks(pipeline, part)
+def follow_blocks(pipeline: Pipeline, blocks: Sequence[ParsedBlock]) -> Iterator[RunPoses]:
+    """Yield the poses of blocks with samples, followed together if all samples are consecutive."""
+    if len(blocks) < 2 or are_consecutive(pipeline, join([block.samples for block in blocks])):
+        yield from solve_batches(pipeline, pipeline.follow(blocks) if blocks else [])
         return
-    else:
-        batches = follow_together(pipeline, samples, blocks)
-    yield from solve_batches(pipeline, batches)
+    for part in halves(blocks):
+        yield from follow_blocks(pipeline, part)
 
 
-def go_on(pipeline: Pipeline, samples: RawSamples) -> bool:
-    """Whether samples are nothing but the next ones of the newest."""
+def are_consecutive(pipeline: Pipeline, samples: RawSamples) -> bool:
+    """Whether samples directly continue the newest one, without poses of the board among them."""
     return bool((samples.kind != POSE).all()) and pipeline.sequence.continues(samples)
-
-
-def follow_together(
-    pipeline: Pipeline, samples: RawSamples, blocks: Sequence[Parsed]
-) -> list[Batch]:
-    """Return what `Pipeline.follow` returns of each block, whose samples together go on."""
-    counts = [len(block.samples) for block in blocks]
-    known = [block.arrival for block in blocks if not isnan(block.arrival)]
-    samples, seq, time = pipeline.sequence.follow(samples, known[-1] if known else nan, counts)
-    hosts, origins, start = [], [], 0
-    for count, block in zip(counts, blocks, strict=True):
-        rows = slice(start, start + count)
-        hosts.append(pipeline.times.follow(time[rows], block.arrival, False))
-        origins.append((rows.stop, pipeline.times.arrival, block.encoder))
-        start = rows.stop
-    return pipeline.batches_of(samples, seq, time, np.concatenate(hosts), origins)
 
 
 def solve_batches(pipeline: Pipeline, batches: Sequence[Batch]) -> Iterator[RunPoses]:

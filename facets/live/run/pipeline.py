@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from math import hypot, inf, nan
-from typing import TYPE_CHECKING, Any
+from math import hypot, inf, isnan, nan
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,6 +128,14 @@ class RunPoses(Poses):
         return {**head, **super().columns(), **self.channels}
 
 
+class ParsedBlock(NamedTuple):
+    """The samples of a block of bytes, the time of its arrival, s, and the stage's place then."""
+
+    samples: RawSamples
+    arrival: float
+    encoder: Encoder | None
+
+
 @dataclass
 class RunTally(Tally):
     """The tally of a run.
@@ -191,22 +199,34 @@ class Pipeline:
 
     def take(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> list[Batch]:
         """Return the samples that a block completes, in batches to be solved, in order."""
-        return self.follow(self.parser.feed(block), arrival, encoder)
+        return self.follow([ParsedBlock(self.parser.feed(block), arrival, encoder)])
 
-    def follow(self, came: RawSamples, arrival: float, encoder: Encoder | None) -> list[Batch]:
-        """Return the samples that came in a block, in batches to be solved, in order."""
-        breaks = self.sequence.breaks
-        solved = came.kind == POSE
-        poses = came.where(solved) if solved.any() else None
+    def follow(self, blocks: Sequence[ParsedBlock]) -> list[Batch]:
+        """Return the samples of blocks, in batches to be solved, in order.
+
+        The samples of several blocks must be consecutive (`Sequence.continues`), without poses.
+        """
+        came: RawSamples = join([block.samples for block in blocks])
+        is_pose = came.kind == POSE
+        samples = came.where(~is_pose) if is_pose.any() else came
+        arrivals = [block.arrival for block in blocks if not isnan(block.arrival)]
+        breaks, counts = self.sequence.breaks, [len(block.samples) for block in blocks[:-1]]
+        before_last = sum(counts)
         samples, seq, time = self.sequence.follow(
-            came if poses is None else came.where(~solved), arrival
+            samples, arrivals[-1] if arrivals else nan, [*counts, len(samples) - before_last]
         )
-        if poses is not None:
-            self.board.add(poses, self.sequence, self.sequence.breaks > breaks)
+        has_restarted = self.sequence.breaks > breaks
+        if is_pose.any():
+            self.board.add(came.where(is_pose), self.sequence, has_restarted)
         if not len(samples):
             return []
-        host = self.times.follow(time, arrival, self.sequence.breaks > breaks)
-        return self.batches_of(samples, seq, time, host, [(len(seq), self.times.arrival, encoder)])
+        hosts, origins, end = [], [], 0
+        for count, block in zip([*counts, len(samples) - before_last], blocks, strict=True):
+            rows = slice(end, end + count)
+            hosts.append(self.times.follow(time[rows], block.arrival, has_restarted))
+            origins.append((rows.stop, self.times.arrival, block.encoder))
+            end = rows.stop
+        return self.batches_of(samples, seq, time, np.concatenate(hosts), origins)
 
     def batches_of(
         self,

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...core.hues import DARK, LIGHT, Hues
-from ...core.names import ANGLES, DETECTORS, POSE, STATE
+from ...core.names import ANGLES, DETECTORS, STATE, STATE_COLUMNS
 from ...core.units import round_to
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
-from ...estimation.solution import LABELS, UNCERTAINTY_PARTS, Status
+from ...estimation.solution import LABELS, Status
 from ...tracking.control import tracking_error
 from .live import Live
 from .loop import CLOCK_MOVED
@@ -82,30 +82,26 @@ def values(live: Live) -> dict[str, Any]:
 
 
 def sample(poses: RunPoses) -> dict[str, Any]:
-    solution, reading = poses.solution, poses.readings[-1]
-    state, sizes = solution.state[-1], {"": solution.uncertainty[-1]}
-    if solution.calibration_covariance is not None:
-        sizes |= {
-            f"{part}_": getattr(solution, f"{part}_uncertainty")[-1] for part in UNCERTAINTY_PARTS
-        }
-    entries: dict[str, Any] = {"status": LABELS[int(solution.status[-1])]}
-    for i, name in enumerate(STATE):
-        angle = name in ANGLES
-        key = f"{name}_mrad" if angle else f"{name}_mm"
-        entries[key] = round_digits(state[i] * (1e3 if angle else 1))
-        fine = "urad" if angle else "um"
-        for part, size in sizes.items():
-            entries[f"u_{part}{name}_{fine}"] = round_digits(size[i] * (1e6 if angle else 1e3))
-    for name, values in poses.object.items():
-        entries[name] = round_digits(values[-1])
+    """Return the newest of some poses: in mm and mrad, with uncertainties in um and urad."""
+    columns, reading = newest_row(poses), poses.readings[-1]
+    entries: dict[str, Any] = {"status": LABELS[int(columns["status"])]}
+    entries |= {name: round_digits(columns[name]) for name in STATE_COLUMNS}
+    for name, value in columns.items():
+        if name.startswith("u_") and name not in poses.object:
+            fine = name.replace("_mm", "_um").replace("_mrad", "_urad")
+            entries[fine] = round_digits(1e3 * value)
+    entries |= {name: round_digits(columns[name]) for name in poses.object}
     entries["spots_mm"] = [[round_digits(x) for x in reading[3 * k : 3 * k + 2]] for k in range(3)]
     entries["powers_uw"] = [round_digits(1e3 * power) for power in reading[2::3]]
     entries["tracking_error"] = [round_digits(x) for x in tracking_error(reading[2::3])]
     if poses.channels:
-        entries["channels"] = {
-            name: round_digits(values[-1]) for name, values in poses.channels.items()
-        }
+        entries["channels"] = {name: round_digits(columns[name]) for name in poses.channels}
     return entries
+
+
+def newest_row(poses: RunPoses) -> dict[str, Any]:
+    """Return the last sample of some poses with its columns, as a recording has them."""
+    return {name: column[-1] for name, column in poses.columns().items()}
 
 
 def round_digits(value: float) -> float | None:
@@ -240,7 +236,7 @@ class Screen:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Any]:
         now = values(self.live)
-        yield pose_table(now)
+        yield pose_table(self.live.current)
         yield detector_table(self.live)
         yield from lower_lines(self.live, now)
 
@@ -251,35 +247,26 @@ def terminal_hues() -> Hues:
     return LIGHT if ground in ("7", "15") else DARK
 
 
-def pose_table(now: dict[str, Any]) -> Any:
-    """A line an axis, with a bar of its hue before its name."""
+def pose_table(newest: RunPoses | None) -> Any:
+    """Return a table with a line for each component of the mirror's state, of the object's pose and
+    of its displacement, each after a bar in the hue of its axis."""
     from rich.table import Table
     from rich.text import Text
 
-    hues = terminal_hues()
+    hues, columns = terminal_hues(), {} if newest is None else newest_row(newest)
     table = Table("", "value", "u (1 sigma)", box=None, pad_edge=False)
-    for name in STATE:
-        unit, fine = ("mrad", "urad") if name in ANGLES else ("mm", "um")
-        value, size = now.get(f"{name}_{unit}"), now.get(f"u_{name}_{fine}")
-        shown = "-" if value is None else f"{value:+.5f} {unit}"
-        written = "-" if size is None else f"{size:.3g} µ{fine[1:]}"
-        table.add_row(Text.assemble(("▌", hues.axes[name]), name), shown, written)
-    for name, *row in object_rows(now):
-        table.add_row(Text.assemble(("▌", hues.axes[name.split()[-1]]), name), *row)
-    return table
-
-
-def object_rows(now: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
-    """Name, value and uncertainty of each axis of the object and of its displacement."""
-    units = {name: "mrad" if name in ANGLES else "mm" for name in POSE}
-    kinds = [kind for kind in ("object", "displacement") if f"{kind}_tx_mm" in now]
-    for kind, (name, unit) in product(kinds, units.items()):
-        value, size = (now[f"{u}{kind}_{name}_{unit}"] for u in ("", "u_"))
-        yield (
-            f"{kind} {name}",
-            "-" if value is None else f"{value:+.5f} {unit}",
-            "-" if size is None else f"{1e3 * size:.3g} µ{unit[1:]}",
+    of_object = product(("object_", "displacement_"), STATE_COLUMNS[:6])
+    for kind, column in (*product([""], STATE_COLUMNS), *of_object):
+        if kind and kind + column not in columns:
+            continue
+        axis, _, unit = column.rpartition("_")
+        value, size = (float(columns.get(f"{u}{kind}{column}", "nan")) for u in ("", "u_"))
+        table.add_row(
+            Text.assemble(("▌", hues.axes[axis]), f"{kind}{axis}".replace("_", " ")),
+            f"{value:+.5f} {unit}" if np.isfinite(value) else "-",
+            f"{1e3 * size:.3g} µ{unit[1:]}" if np.isfinite(size) else "-",
         )
+    return table
 
 
 def stream_counts(pipeline: Pipeline) -> list[Item]:
@@ -365,17 +352,13 @@ def light(live: Live, k: int, power: float) -> str:
     return f"{1e3 * power:.1f} µW" if power > least_light(sensor)[k] else "no light"
 
 
-def channels_in_words(channels: dict[str, float | None]) -> str:
-    """The newest values of the auxiliary channels."""
-    return "   ".join(
-        f"{column} {'-' if value is None else f'{value:.5g}'}" for column, value in channels.items()
-    )
-
-
 def more(now: dict[str, Any]) -> Iterator[str]:
     """Of what a run may have beside its poses: channels, stage, board, publications, flags."""
     if "channels" in now:
-        yield channels_in_words(now["channels"])
+        yield "   ".join(
+            f"{column} {'-' if value is None else f'{value:.5g}'}"
+            for column, value in now["channels"].items()
+        )
     if "stage" in now:
         error = now.get("tracking_error") or [None, None]
         shown = ", ".join("-" if x is None else f"{x:+.4f}" for x in error)

@@ -101,8 +101,8 @@ class Sequence:
         """Return the samples to be used, and their seq and time (us), which only grow.
 
         arrival: of the bytes at the host, s, on a clock that is never set; NaN if it is not known.
-        counts: how many of the samples came in each block, for those of several blocks, which must
-        `continues`. After a restart the time continues by the host's clock.
+        counts: number of samples of each block; those of several blocks must be consecutive (see
+        `continues`). After a restart the time continues by the host's clock.
         """
         self.fresh = 0
         if not len(samples):

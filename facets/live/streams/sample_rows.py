@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ...core.names import READING_COLUMNS, STATE_COLUMNS
 from ...estimation.measurement import Measurement
 from ...estimation.solution import UNCERTAINTY_PARTS
 from ...files.tables import unit_of_column
@@ -93,26 +93,12 @@ def rows_of(poses: RunPoses, utc_offset: float) -> NDArray[np.void]:
 
     utc_offset: of the wall clock over the host's monotonic one, s.
     """
-    solution = poses.solution
-    parts = solution.calibration_covariance is not None
-    further = poses.further
-    dtype = row_dtype(parts, tuple(further))
-    count = len(dtype.names or ()) - len(HEAD)
-    rows = np.empty(len(poses), [*HEAD, ("numbers", "<f8", count)])
-    rows["seq"], rows["board_us"], rows["host_s"] = poses.seq, poses.time, poses.host
-    rows["utc_s"] = poses.host + utc_offset
-    rows["status"], rows["flags"] = solution.status, poses.flags
-    numbers, units = rows["numbers"], np.asarray(STATE_UNITS)
-    numbers[:, :9] = poses.readings
-    numbers[:, 9:17] = solution.state / units
-    numbers[:, 17:25] = solution.uncertainty / units
-    numbers[:, 25] = solution.residual
-    if parts:
-        numbers[:, 26:34] = solution.noise_uncertainty / units
-        numbers[:, 34:42] = solution.calibration_uncertainty / units
-    for n, values in enumerate(further.values(), start=count - len(further)):
-        numbers[:, n] = values
-    return rows.view(dtype)
+    columns = {**poses.columns(), "utc_s": poses.host + utc_offset}
+    has_parts = poses.solution.calibration_covariance is not None
+    rows = np.empty(len(poses), row_dtype(has_parts, tuple(poses.further)))
+    for name in rows.dtype.names or ():
+        rows[name] = columns[name]
+    return rows
 
 
 def description(about: dict[str, Any]) -> dict[str, Any]:
