@@ -36,30 +36,17 @@ from .command import Command, Group
 from .console import BAD_INPUT, DONE, FINDING, INTERRUPTED, message, undrawn
 from .streams import Guarded
 
-#: The commands in the order of the help, and the module that each is in.
-COMMANDS = {
-    "simulate": "simulate",
-    "solve": "solve",
-    "range-map": "range_map",
-    "resolution": "resolution",
-    "jacobian": "jacobian",
-    "calibrate": "calibrate",
-    "rezero": "rezero",
-    "optimize": "optimize",
-    "tolerances": "tolerances",
-    "explore": "explore",
-    "acquire": "acquire",
-    "replay": "replay",
-    "noise": "noise",
-    "axis": "axis",
-    "response": "response",
-    "emulate": "emulate",
-    "render": "render",
-    "export-c": "export_c",
-    "bench": "bench",
-    "reproduce": "reproduce",
-    "config": "config",
+#: The commands by subject, in the order of the help.
+SUBJECTS = {
+    "Simulate and design": "simulate range-map resolution optimize tolerances explore render",
+    "Calibrate": "calibrate rezero",
+    "Measure live": "acquire replay emulate export-c",
+    "Analyse": "solve noise axis response",
+    "The paper and proofs": "jacobian reproduce bench",
+    "Configurations": "config",
 }
+#: The subject of each command.
+COMMANDS = {name: subject for subject, names in SUBJECTS.items() for name in names.split()}
 #: Commands that run until they are stopped; the others end before much memory needs tidying.
 LIVE = ("acquire", "emulate")
 #: Thresholds of the garbage collector; the usual ones would scan all modules during the imports.
@@ -83,11 +70,12 @@ def app_of(names: Iterable[str]) -> typer.Typer:
     )
     made.callback()(_root)
     for name in names:
-        module = importlib.import_module(f".{COMMANDS[name]}", __name__)
+        function, subject = name.replace("-", "_"), COMMANDS[name]
+        module = importlib.import_module(f".{function}", __name__)
         if name == "config":
-            made.add_typer(module.app, name=name)
+            made.add_typer(module.app, name=name, rich_help_panel=subject)
         else:
-            made.command(name, cls=Command)(getattr(module, name.replace("-", "_")))
+            made.command(name, cls=Command, rich_help_panel=subject)(getattr(module, function))
     return made
 
 

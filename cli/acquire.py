@@ -119,6 +119,9 @@ def acquire(
 ) -> None:
     """Record a detector board's data and solve every sample.
 
+        facets acquire bench --port virtual:circle --seconds 10
+        facets acquire calibrated.yaml --port /dev/ttyACM0 --web
+
     All received bytes are recorded before they are used. The stage moves only with --track or
     --check-stage. A stopped stage stays stopped until a person resumes it with the key r, the
     button on the web page, or SIGUSR1. With an object in the configuration or --point, each sample

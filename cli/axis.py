@@ -101,6 +101,8 @@ def axis(
 ) -> None:
     """Measure the error motions of a linear or rotary axis.
 
+        facets axis recordings/run --axis X --commands commands.csv
+
     Finds the times at which the axis stood still, assigns them to the commanded positions, and
     computes positioning, straightness and angular errors (ISO 230-1: EXX, EYX ... ECX) at each
     position. Repeated runs in both directions give the reversal error B, the repeatability R, the
@@ -148,10 +150,11 @@ def read_poses(source: Path, config: str | None, point: str | None) -> tuple[Con
         if not columns:
             raise InputError(f"{source}: no samples")
         return settings, axis_tests.visits.recorded_series(columns)
+    files.tables.require_table(source)
     if config is None:
         raise InputError(
-            f"{source}: is a table of poses; give the configuration of the sensor that measured "
-            "them with --config, from which their uncertainties follow"
+            f"{source}: a table of poses needs --config, the configuration of the sensor that "
+            "measured them, from which their uncertainties follow"
         )
     settings = choose_point(facets.load(config), point)
     return settings, axis_tests.visits.read_series(source)

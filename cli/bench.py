@@ -34,6 +34,8 @@ def bench(
 ) -> None:
     """Measure run times and errors, and compare with other methods.
 
+        facets bench --quick
+
     All methods run in turn on the paper's sensor: this package, the C that it exports (if gcc
     is installed), a quadrature in NumPy, SciPy's fsolve and the paper's way. Tables and a
     recording are solved, too. Ratios are relative to the exported C and to NumPy; rows of a full

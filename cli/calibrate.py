@@ -10,6 +10,7 @@ import typer
 
 from facets import calibration
 from facets.core.errors import InputError
+from facets.core.plain_numbers import suggest_name
 
 from .console import load_config
 from .options import (
@@ -123,6 +124,9 @@ def calibrate(
 ) -> None:
     """Fit the parameters of a rig to readings with reference poses.
 
+        facets calibrate rig run.csv -o calibrated.yaml
+        facets calibrate rig --propose 60 -o poses.csv
+
     The parameters are the detectors' positions and angles, the facets' angles, the gains and, if
     the data need them, effects of real light. DATA holds readings of a motion that a reference
     instrument measured, all axes or some; the beam's position must be known. The command prints
@@ -131,11 +135,12 @@ def calibrate(
     `facets solve` includes in the uncertainties. If the result is not to be trusted, it prints the
     reasons, writes nothing and ends with exit status 1.
     """
-    settings = load_config(config)
+    settings, groups = load_config(config), read_groups(only)
     path = output or Path(f"{settings.name}-calibrated.yaml")
-    if propose and (data or reference or report):
+    if propose and (data or reference or report or groups):
         raise InputError(
-            "--propose takes no DATA and no --report: it lists poses for a future motion"
+            "--propose takes no DATA, no --only and no --report: it lists poses for a future "
+            "calibration of all parameters"
         )
     if propose:
         path = output_folder(output, settings.name, "proposal.csv")
@@ -147,7 +152,6 @@ def calibrate(
     else:
         settings = choose_effects(settings, effect or [])
         settings = replace(settings, calibrate=replace(settings.calibrate, dwells=dwells))
-        groups = read_groups(only)
         paths = CalibrationFiles(data, reference, path, plot.value, report)
         paths.require(settings, force)
         write_results(*fit_rig(settings, paths, groups, accept_misfit), paths)
@@ -155,10 +159,13 @@ def calibrate(
 
 def read_groups(only: str | None) -> list[str]:
     """Read the groups of --only; none if all parameters are calibrated."""
-    groups, known = [] if only is None else only.split(","), calibration.table.GROUPS
+    groups, names = [] if only is None else only.split(","), calibration.table.GROUPS
     for group in groups:
-        if group not in known or groups.count(group) > 1:
-            raise InputError(f"--only {only}: give {', '.join(known)}, each once, by commas")
+        if group not in names:
+            near = suggest_name(group, names)
+            raise InputError(f"--only has {group!r}; allowed: {', '.join(names)}, by commas{near}")
+        if groups.count(group) > 1:
+            raise InputError(f"--only has {group} twice; give it once")
     return groups
 
 
@@ -172,8 +179,8 @@ def choose_effects(settings: Config, decisions: list[str]) -> Config:
         named.add(name)
         if name not in effects or decision not in ("on", "off", "auto"):
             raise InputError(
-                f"--effect {text}: not NAME=on, NAME=off or NAME=auto; the names are "
-                f"{', '.join(effects)}"
+                f"--effect has {text!r}; allowed: NAME=on, NAME=off or NAME=auto, of "
+                f"{', '.join(effects)}{suggest_name(name, effects)}"
             )
         effects[name] = decision
     return replace(settings, calibrate=replace(settings.calibrate, effects=effects))

@@ -40,6 +40,8 @@ def check(
 ) -> None:
     """Check configurations.
 
+        facets config check rig mine.yaml
+
     Prints a summary of each valid configuration and all problems of the others.
     """
     failed = False
@@ -57,6 +59,8 @@ def check(
 def show(config: ConfigName) -> None:
     """Print a configuration as YAML with all defaults filled in.
 
+        facets config show paper
+
     The output is a valid configuration file.
     """
     sys.stdout.write(configuration.to_yaml(load_config(config)))
@@ -65,6 +69,8 @@ def show(config: ConfigName) -> None:
 @app.command(cls=PlainCommand)
 def schema() -> None:
     """Print the JSON Schema of configurations.
+
+        facets config schema > facets.schema.json
 
     Editors use it to check and complete YAML.
     """
@@ -75,7 +81,12 @@ def schema() -> None:
 
 @app.command("list", cls=PlainCommand)
 def list_() -> None:
-    """List the configurations that come with facets."""
+    """List the configurations that come with facets.
+
+        facets config list
+
+    Prints the name of each configuration and what it is for.
+    """
     for name in configuration.shipped():
         typer.echo(f"{name}: {configuration.purpose(name)}")
 

@@ -70,6 +70,8 @@ def emulate(
 ) -> None:
     """Run a virtual bench: mirror, detectors and stage.
 
+        facets emulate bench --motion circle
+
     `facets acquire` connects to its ports FOLDER/board and FOLDER/stage. At the end the command
     prints the numbers of samples and faults and writes them to FOLDER/counts.json. With
     --with-reference it also writes FOLDER/reference.csv, and of a motion of the kind `runs` the

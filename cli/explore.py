@@ -113,6 +113,9 @@ def explore(
 ) -> None:
     """Sample a design space and find its Pareto front.
 
+        facets explore layout --designs 5000
+        facets explore layout --pick 17 -o chosen.yaml
+
     Varies the parameters in `optimize.variables`, and computes the ranges and uncertainties of each
     design and which designs no other one beats in all objectives. The results are written part by
     part: the same command continues an interrupted run, and --force starts again. Exit status 1 if

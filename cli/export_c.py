@@ -22,6 +22,8 @@ def export_c(
 ) -> None:
     """Write a sensor's model and solver as C99 code.
 
+        facets export-c calibrated.yaml -d firmware
+
     The code computes readings and solves them for poses on a microcontroller board or in
     another program. It contains the calibrated parameters but not their uncertainty. The code
     comes with tests: `make test` in the folder compiles the code and compares its poses with

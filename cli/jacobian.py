@@ -79,6 +79,9 @@ def jacobian(
 ) -> None:
     """Check whether the readings determine the pose.
 
+        facets jacobian paper
+        facets jacobian paper --box tx_mm=0.5,yaw_mrad=-10:20 --certify
+
     Samples states in a box and evaluates the determinant of the Jacobian without the power
     of C (Eq. (11) and Fig. 4 of the paper) and its smallest singular value, in standard deviations
     of readings per µm or µrad. With --certify, proves with interval arithmetic that no state of

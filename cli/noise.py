@@ -43,6 +43,9 @@ def noise(
 ) -> None:
     """Estimate the noise of a bench from a recording at rest.
 
+        facets noise recordings/rest -d results/noise
+        facets noise recordings/rest --write measured.yaml
+
     Estimates white and flicker noise, mains and other lines, drift and spikes of every reading and
     every pose coordinate, each with its 95 % interval, and compares them with the noise in the
     configuration. --folder writes the report noise.html and the table noise.csv. --write writes the

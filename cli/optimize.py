@@ -49,6 +49,9 @@ def optimize(
 ) -> None:
     """Find the layout that meets a requirement best.
 
+        facets optimize layout
+        facets optimize parts --heads 200 --report layout.html
+
     The requirement is the block `optimize` of the configuration.
 
     Varies the parameters named there within their bounds, from several starting layouts, and with

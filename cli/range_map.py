@@ -90,6 +90,9 @@ def range_map(
 ) -> None:
     """Find the measurement range of each axis and what limits it.
 
+        facets range-map paper
+        facets range-map paper --axes tx,ty --inside yaw --track
+
     Prints the range of each axis and the largest box of poses with the same proportions. Traces the
     outline of the range over pairs of axes to 0.1 µm and 0.1 µrad. Writes a table of the outlines,
     a picture and a record of the run into the folder. Ctrl-C stops the tracing; the outlines traced

@@ -123,6 +123,9 @@ def render(
 ) -> None:
     """Draw the sensor as a picture, a page, a 3D scene or a film.
 
+        facets render paper --at yaw_mrad=5
+        facets render paper -o rig.html
+
     The rays and spots are computed by the model. --at gives the pose of the mirror, and with bx_mm
     and by_mm the position of the beam. --track applies to --view range. Works without a display.
     """

@@ -63,6 +63,9 @@ def replay(
 ) -> None:
     """Solve a recording again from its bytes.
 
+        facets replay recordings/run -o poses.parquet
+        facets replay recordings/run --compare
+
     Solves every sample, including those that the run skipped because it was behind. With the
     recording's own configuration and the same version of facets, the poses equal the recorded ones
     to the last bit; --compare checks this. The recording itself is not changed. With an object in

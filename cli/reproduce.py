@@ -32,6 +32,9 @@ def reproduce(
 ) -> None:
     """Reproduce the paper's figures, tables and claims.
 
+        facets reproduce
+        facets reproduce fig4 table2 --quick
+
     Prints for each experiment whether its numbers equal the stored references, column by column,
     and how many of the paper's results they agree with to within 10 %. Writes the tables, the
     figures and the page report.html with all of them into the folder. Exit status 1 if a number

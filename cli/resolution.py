@@ -57,6 +57,9 @@ def resolution(
 ) -> None:
     """Compute each axis's uncertainty, at rest and at worst.
 
+        facets resolution paper
+        facets resolution paper --coverage 0.95 --trials 100000
+
     Prints standard uncertainties (1 sigma): at rest; at the worst pose of each axis's own symmetric
     range, with the other axes at rest; and at the worst pose anywhere in the box that `range-map`
     prints, all axes at once. Both are searched. They are computed for the paper's inversion

@@ -136,6 +136,9 @@ def response(
 ) -> None:
     """Estimate frequency response functions of the six axes.
 
+        facets response recordings/run --input force_n
+        facets response recordings/run --input force_n --form mobility --uff run.uff
+
     Averages the spectra of overlapping segments (Welch, Hann window) and gives for each axis of the
     point of interest the responses H1 and H2 to the input, the coherence and the random error. The
     picture also shows what the sensor's noise alone would give, and its bandwidth. Of several

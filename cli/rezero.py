@@ -80,6 +80,8 @@ def rezero(
 ) -> None:
     """Renew the zero of a calibrated rig from two seconds at a stop.
 
+        facets rezero calibrated.yaml stop-then.csv stop-now.csv
+
     The mirror stands at the same stop as at the time of the calibration; no reference instrument is
     needed. From the change of the mean readings the command estimates by how much the beam moved,
     and by how much its width, the laser's power, the three detectors' gains and the heights of

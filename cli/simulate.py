@@ -69,6 +69,9 @@ def simulate(
 ) -> None:
     """Simulate a configuration's motions and report pose errors.
 
+        facets simulate paper
+        facets simulate rig --motion calibration --with-reference -d run
+
     Simulates the readings along each motion, with noise, and solves them for poses. Writes a table
     of readings (the input of `facets solve`), a table of poses, a picture and a record of the run
     into the folder. With --track the stage of the configuration moves the beam. With an object in

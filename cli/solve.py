@@ -122,6 +122,9 @@ def solve(
 ) -> None:
     """Solve a table of readings for poses.
 
+        facets solve paper readings.csv
+        facets solve calibrated.yaml readings.parquet --beam known -o poses.parquet
+
     Writes one row for each row of READINGS: the pose with its standard uncertainties (mm, mrad; um,
     urad) and a status. A row that cannot be solved gets a status and no pose. If READINGS has the
     columns bx_mm and by_mm, they are the beam's measured position for --beam known and prior. With

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
+from facets import core
 from facets.core.errors import InputError
 from facets.core.names import FINE_COLUMNS
 
@@ -40,6 +44,8 @@ def tolerances(
 ) -> None:
     """Compute a design's yield and its most costly tolerance.
 
+        facets tolerances market --heads 500
+
     The yield is the share of manufactured heads that meet the requirements: spots on the detectors,
     light, and the limits and accuracies of the block `optimize` over its volume, before and after a
     calibration. The heads' parameters vary with the standard uncertainties in `calibrate.before`.
@@ -51,6 +57,11 @@ def tolerances(
     settings = load_config(config)
     names = [f"{name}.{table.value}" for name in ("tolerances", "heads")]
     results = ResultFolder(output_folder(folder, settings.name, "tolerances"), names, force)
+    if replace(settings.layout, object=None) == core.layout.Layout():
+        typer.echo(
+            f"{settings.name} has no block `optimize`, so that the heads are judged by its default "
+            "requirements (see `facets config show`).\n"
+        )
     yields = yields_of(settings, settings.sensor, heads, seed)
     show_yields(settings, yields)
     with results.publish(settings, seed) as (by_tolerance, by_head):

@@ -12,6 +12,7 @@ import numpy as np
 
 import facets
 from facets.core.errors import InputError
+from facets.core.plain_numbers import suggest_name
 from facets.files import provenance
 from facets.files.tables import write_table
 from facets.files.whole import readable_path
@@ -76,6 +77,7 @@ def select_experiments(names: list[str]) -> list[str]:
     if unknown:
         raise InputError(
             f"unknown experiment {', '.join(unknown)}; allowed: {', '.join(EXPERIMENTS)}, all"
+            f"{suggest_name(unknown[0], EXPERIMENTS)}"
         )
     if not names or "all" in names:
         return list(EXPERIMENTS)

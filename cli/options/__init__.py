@@ -7,6 +7,7 @@ stands after a colon in its help text, and a default in words stands in brackets
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,7 +16,11 @@ import typer
 from facets.core.errors import InputError
 from facets.core.hues import choose_style
 
+from ..command import COMMON
 from . import completion
+
+#: An option that several commands have.
+option = partial(typer.Option, rich_help_panel=COMMON)
 
 
 class TableKind(StrEnum):
@@ -49,7 +54,7 @@ def describe_default(default: str) -> str:
 
 def output_option(formats: str, default: str = "") -> Any:
     """`-o FILE`, of commands whose result is one file."""
-    return typer.Option(
+    return option(
         "-o",
         "--output",
         metavar="FILE",
@@ -59,7 +64,7 @@ def output_option(formats: str, default: str = "") -> Any:
 
 def folder_option(default: str) -> Any:
     """`-d FOLDER`, of commands whose results are several files."""
-    return typer.Option(
+    return option(
         "-d",
         "--folder",
         metavar="FOLDER",
@@ -69,14 +74,14 @@ def folder_option(default: str) -> Any:
 
 def report_option(content: str) -> Any:
     """`--report FILE.html`."""
-    return typer.Option(
+    return option(
         "--report", metavar="FILE.html", help=f"HTML file for a page on the results: {content}."
     )
 
 
 def write_option(content: str) -> Any:
     """`--write FILE.yaml`."""
-    return typer.Option(
+    return option(
         "--write",
         metavar="FILE.yaml",
         help=f"YAML file to write: the configuration with {content}.",
@@ -85,7 +90,7 @@ def write_option(content: str) -> Any:
 
 def motion_option(use: str, default: str = "") -> Any:
     """`--motion NAME`."""
-    return typer.Option(
+    return option(
         "--motion",
         metavar="NAME",
         help=f"Name of a motion in the configuration: {use}.{describe_default(default)}",
@@ -95,7 +100,7 @@ def motion_option(use: str, default: str = "") -> Any:
 
 def heads_option(least: str, default: str = "") -> Any:
     """`--heads N`."""
-    return typer.Option(
+    return option(
         "--heads",
         min=0,
         max=10**6,
@@ -106,9 +111,7 @@ def heads_option(least: str, default: str = "") -> Any:
 
 def seed_option(default: str = "") -> Any:
     """`--seed N`."""
-    return typer.Option(
-        "--seed", min=0, help=f"Seed of the random numbers.{describe_default(default)}"
-    )
+    return option("--seed", min=0, help=f"Seed of the random numbers.{describe_default(default)}")
 
 
 ConfigName = Annotated[
@@ -121,7 +124,7 @@ ConfigName = Annotated[
 ]
 ConfigOption = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--config",
         metavar="CONFIG",
         help="Configuration to solve the recording with.  [default: the recording's own]",
@@ -133,27 +136,27 @@ RecordingName = Annotated[
 ]
 Coverage = Annotated[
     float | None,
-    typer.Option(
+    option(
         "--coverage",
         metavar="PROBABILITY",
         help="Also state expanded uncertainties, which hold with this coverage probability, such "
         "as 0.95, and their coverage factors k.",
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Replace existing results.")]
-Plot = Annotated[PlotKind, typer.Option("--plot", help="Format of the picture.")]
+Force = Annotated[bool, option("--force", help="Replace existing results.")]
+Plot = Annotated[PlotKind, option("--plot", help="Format of the picture.")]
 Style = Annotated[
     Look,
-    typer.Option(
+    option(
         "--style",
         callback=choose_look,
         help="Style of the pictures: paper for print, screen for documents, dark for slides.",
     ),
 ]
-Table = Annotated[TableKind, typer.Option("--table", help="Format of the tables.")]
+Table = Annotated[TableKind, option("--table", help="Format of the tables.")]
 At = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--at",
         metavar="NAME=NUMBER,...",
         help="Pose of the mirror, such as tz_mm=1,yaw_mrad=2 (mm and mrad); coordinates left out "
@@ -163,7 +166,7 @@ At = Annotated[
 ]
 Point = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--point",
         metavar="X,Y,Z",
         help="Point of interest whose pose is computed: x, y and z relative to the apex in the "
@@ -172,7 +175,7 @@ Point = Annotated[
 ]
 Zero = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--zero",
         metavar="SECONDSs|row:N|FILE",
         help="Reference pose: also give displacements from the mean of the first seconds (such as "
@@ -182,7 +185,7 @@ Zero = Annotated[
 ]
 Covariance = Annotated[
     bool,
-    typer.Option(
+    option(
         "--covariance",
         help="Also write the whole covariance of each pose, as the 21 columns cov_tx_tx_mm2 and so "
         "on.",
@@ -190,7 +193,7 @@ Covariance = Annotated[
 ]
 Certify = Annotated[
     int,
-    typer.Option(
+    option(
         "--certify",
         min=0,
         metavar="[BOXES]",
@@ -198,14 +201,14 @@ Certify = Annotated[
         "seconds); 0 skips the proof. Without a number: 20,000.",
     ),
 ]
-Quick = Annotated[bool, typer.Option("--quick", help="Run a shorter version with fewer samples.")]
+Quick = Annotated[bool, option("--quick", help="Run a shorter version with fewer samples.")]
 Seconds = Annotated[
     float | None,
-    typer.Option("--seconds", min=0, help="Stop after this many seconds.  [default: never]"),
+    option("--seconds", min=0, help="Stop after this many seconds.  [default: never]"),
 ]
 Track = Annotated[
     bool,
-    typer.Option(
+    option(
         "--track",
         help="Make the beam follow the mirror in x and y (`facets acquire` moves the stage for "
         "this). By default the beam stands still.",
@@ -213,7 +216,7 @@ Track = Annotated[
 ]
 WithReference = Annotated[
     bool,
-    typer.Option(
+    option(
         "--with-reference",
         help="Also write the poses that a simulated reference instrument measures, as `facets "
         "calibrate` needs them.",
@@ -221,7 +224,7 @@ WithReference = Annotated[
 ]
 Publish = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--publish",
         metavar="ADDRESS",
         help="Send every sample to other programs at zmq://HOST:PORT (ZeroMQ), "
@@ -230,7 +233,7 @@ Publish = Annotated[
 ]
 Web = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--web",
         metavar="[[HOST:]PORT]",
         help="Show the samples on a web page and print its address. Without a port any free port "

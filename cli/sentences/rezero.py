@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from facets.calibration.rezero import ChangePriors, NewZero
     from facets.config import Config
 
-#: An uncertainty above this share of the one before is named as not determined.
-UNDETERMINED_SHARE = 0.5
+#: An uncertainty above this fraction of the one before is named as not determined.
+UNDETERMINED_FRACTION = 0.5
+#: A chi-square that is exceeded with at least this probability is improbably small.
+SUSPICIOUS_CHANCE = 0.999
 
 
 #: The changes, in the order of `ChangePriors.sigmas`: name, unit, and the factor to it from
@@ -40,7 +42,7 @@ def show_changes(settings: Config, zero: NewZero, priors: ChangePriors) -> None:
     for (name, unit, factor), scale, *values in numbers:
         change, u, before = (factor * scale * value for value in values)
         typer.echo(f"  {name:19} {change:+9.3g} {u:8.2g} {before:9.2g} {unit}")
-        if u > UNDETERMINED_SHARE * before:
+        if u > UNDETERMINED_FRACTION * before:
             weak.append(name)
     notes = [f"A stop hardly determines: {', '.join(weak)}."] if weak else []
     notes += [
@@ -50,6 +52,11 @@ def show_changes(settings: Config, zero: NewZero, priors: ChangePriors) -> None:
         f"Chi-square is {zero.chi_square:.3g} where {zero.freedom} is expected (probability of a "
         f"larger one: {zero.chance:.2g}; at least {calibration.rezero.LEAST_CHANCE:g} is needed).",
     ]
+    if zero.chance > SUSPICIOUS_CHANCE:
+        notes.append(
+            "Chi-square is improbably small: the stated noise of the readings or the standard "
+            "uncertainties of the options are probably too large."
+        )
     if settings.solve.beam == "free":
         notes.append(
             "CONFIG solves for the beam (solve.beam: free); the beam's new position counts with "

@@ -23,8 +23,8 @@ def message(tree: Marked, paths: Sequence[Path_], reason: str) -> str:
     known.sort(key=lambda pair: pair[0].file != tree.file)
     (mark, path), *others = known or [(marks[0][0], paths[0])]
     beside = ", ".join(f"{dotted_path(path)} ({other.place})" for other, path in others)
-    told = reason if reason.startswith(dotted_path(path)) else f"{dotted_path(path)}: {reason}"
-    return f"{mark.place}: {told}{beside and f'; together with {beside}'}"
+    text = reason if reason.startswith(dotted_path(path)) else f"{dotted_path(path)}: {reason}"
+    return f"{mark.place}: {text}{beside and f'; together with {beside}'}"
 
 
 def leaves(mark: Marked, path: Path_ = ()) -> Iterator[tuple[Path_, Marked]]:

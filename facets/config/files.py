@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import replace
 from pathlib import Path
 
 from ..core.errors import ConfigError
+from ..core.plain_numbers import suggest_name
 from .shipped_files import shipped
 from .yaml_positions import Marked, path_text, read
 
@@ -42,9 +42,8 @@ def _missing_file(name_or_path: str, file: Path, names: dict[str, Path]) -> str:
     beside = [f.name for f in file.parent.glob("*") if f.suffix in SUFFIXES]
     bare = Path(name_or_path).name == name_or_path
     known = [*names, *beside] if bare else beside
-    near = difflib.get_close_matches(file.name, known, n=1, cutoff=0.6)
     what = "no such file" if not bare or file.suffix in SUFFIXES else "no such file or shipped name"
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = suggest_name(file.name, known)
     return f"{name_or_path}: {what}{hint} (shipped names: {', '.join(names)})"
 
 

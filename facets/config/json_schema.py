@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator
 from typing import Any
 
+from ..core.plain_numbers import suggest_name
 from ..core.units import KEY_UNITS, unit_in
 from .nodes import BLOCK, NULL, Node, document
-from .yaml_positions import Path_
+from .yaml_positions import Path_, dotted_path
 
 
 def schema() -> Node:
@@ -170,10 +170,7 @@ def key_names(path: Path_) -> list[str]:
     return list(node.get("properties", {}))
 
 
-def suggest_name(wrong: str, right: list[str]) -> str:
-    """Suggest the nearest right name: 'did you mean ...?', or "" if none is near."""
-    near = difflib.get_close_matches(wrong, right, n=1, cutoff=0.55)
-    return f"did you mean {near[0]!r}?" if near else ""
+TOP_LEVEL = "at the file's top level"
 
 
 def suggestion(path: Path_, known: list[str]) -> str:
@@ -181,11 +178,10 @@ def suggestion(path: Path_, known: list[str]) -> str:
     wrong = path[-1]
     if near := suggest_name(str(wrong), known):
         return near
-    elsewhere = [".".join(map(str, p)) for p in _all_paths(()) if p[-1] == wrong]
-    if not elsewhere:
-        return ""
-    above = elsewhere[0].rpartition(".")[0]
-    return f"it belongs in {above}" if above else "it belongs at the file's top level"
+    for *above, name in _all_paths(()):
+        if name == wrong:
+            return f"; it belongs {f'in {dotted_path(tuple(above))}' if above else TOP_LEVEL}"
+    return ""
 
 
 def _all_paths(path: Path_) -> Iterator[Path_]:

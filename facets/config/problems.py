@@ -8,7 +8,8 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from .json_schema import describe_values, suggest_name, suggestion
+from ..core.plain_numbers import suggest_name
+from .json_schema import describe_values, suggestion
 from .nodes import BLOCK, Node
 from .yaml_positions import Marked, Path_, dotted_path
 
@@ -27,8 +28,7 @@ def wrong_name(name: str) -> str:
 
 
 def unknown_key(path: Path_, known: Iterable[str]) -> str:
-    hint = suggestion(path, list(known))
-    return f"unknown key{hint and '; ' + hint} (allowed: {', '.join(known)})"
+    return f"unknown key{suggestion(path, list(known))} (allowed: {', '.join(known)})"
 
 
 def missing_key(path: Path_, node: Node) -> str:
@@ -46,8 +46,7 @@ def _reason(value: Any, node: Node, may: str) -> str:
     if node.get("type") == BLOCK:
         return "must be a block of keys"
     if "enum" in node:
-        near = suggest_name(str(value), node["enum"])
-        return f"is not one of the words allowed{near and '; ' + near}"
+        return f"is not one of the words allowed{suggest_name(str(value), node['enum'])}"
     if "number" in may:
         return _reason_of_number(value, may)
     return f"must be {may}"

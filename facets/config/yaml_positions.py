@@ -87,8 +87,8 @@ def read(file: Path) -> Marked:
         raise ConfigError("\n".join(reader.problems))
     if not isinstance(tree.value, dict) or not tree.value:
         raise ConfigError(
-            f"{tree.place}: a configuration is made of `key: value` lines; `extends: paper` alone "
-            "is the paper's rig"
+            f"{tree.place}: {'' if text.strip() else 'is empty; '}a configuration is made of "
+            "`key: value` lines; `extends: paper` alone is the paper's rig"
         )
     return tree
 

@@ -1,8 +1,8 @@
-"""Numbers as text, and lists of numbers by name: on command lines and in tables."""
+"""Numbers, counts and names as text: on command lines, in messages and in tables."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from .errors import InputError
 
@@ -29,6 +29,25 @@ def short_number(value: float, digits: int = 3) -> str:
     return f"{float(text):,.0f}" if "e+" in text and abs(value) < 1e6 else text
 
 
+def count_text(number: int, noun: str) -> str:
+    """Write a count with its noun, which takes an s in the plural: "1 sample", "2,000 samples"."""
+    return f"{number:,} {noun}{'s' * (number != 1)}"
+
+
+def times_text(number: int) -> str:
+    """Write how often something happened: "once", "twice", "3 times"."""
+    return {1: "once", 2: "twice"}.get(number, f"{number:,} times")
+
+
+def suggest_name(wrong: str, names: Iterable[str]) -> str:
+    """Suggest the name that is nearest to a wrong one: "; did you mean 'paper'?", or "" if none is
+    near."""
+    from difflib import get_close_matches
+
+    nearest = get_close_matches(wrong, list(names), n=1, cutoff=0.55)
+    return f"; did you mean {nearest[0]!r}?" if nearest else ""
+
+
 def assignments(text: str, option: str, names: Sequence[str], form: str) -> dict[str, str]:
     """Read the value of each name from `NAME=VALUE,NAME=VALUE`.
 
@@ -41,6 +60,7 @@ def assignments(text: str, option: str, names: Sequence[str], form: str) -> dict
         if name not in names:
             raise InputError(
                 f"{option} has {part.strip()!r}; allowed: {form}, of {', '.join(names)}"
+                f"{suggest_name(name, names)}"
             )
         if name in values:
             raise InputError(f"{option} has {name} twice; give it once")

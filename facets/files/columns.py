@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import shorten
@@ -13,6 +12,7 @@ import numpy as np
 from ..core.clocks import LARGEST_RATE, STANDSTILL, describe_rate
 from ..core.errors import InputError
 from ..core.names import covariance_entries
+from ..core.plain_numbers import suggest_name
 from ..core.units import KEY_UNITS, Booleans, Floats, Integers, unit_in
 
 Columns = Mapping[str, Any]
@@ -68,11 +68,9 @@ def columns_to_read(
 ) -> list[str]:
     missing = [name for name in needed if name not in names]
     if missing:
-        near = [difflib.get_close_matches(name, names, 1, 0.7) for name in missing]
-        hints = [f"{name} (found: {close[0]})" if close else name
-                 for name, close in zip(missing, near, strict=True)]  # fmt: skip
         found = shorten(", ".join(names) or "none", 200, placeholder=" ...")
-        text = f"{source}: missing columns: {', '.join(hints)}; columns found: {found}"
+        near = suggest_name(missing[0], names)
+        text = f"{source}: missing columns: {', '.join(missing)}{near} (columns found: {found})"
         raise MissingColumnsError(text, missing)
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

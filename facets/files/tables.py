@@ -132,6 +132,8 @@ def require_table(path: Path) -> None:
     with open_bytes(path) as file:
         begin = file.read(4)
     expected = FORMATS.get(ending(path, READABLE))
+    if not begin:
+        raise InputError(f"{path}: is empty")
     if expected and begin != expected.SIGNATURE:
         raise InputError(f"{path}: not {expected.KIND}; name a table of text .csv")
     for suffix, other in FORMATS.items():

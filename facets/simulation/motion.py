@@ -11,6 +11,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.motions import Motion, Random, Sine, Steps, Sweep, Table, Vibration
 from ..core.names import STATE_COLUMNS, STATE_UNITS
+from ..core.plain_numbers import suggest_name
 from ..core.settings import Config
 from ..core.units import Floats
 from ..files.tables import read_chunks
@@ -22,7 +23,10 @@ def find_motion(config: Config, name: str) -> Motion:
     """Find the configuration's motion of a name."""
     if name not in config.motions:
         has = ", ".join(config.motions) or "none"
-        raise InputError(f"{config.path}: no motion {name}; its motions: {has}")
+        raise InputError(
+            f"{config.path}: no motion {name}; its motions: {has}"
+            f"{suggest_name(name, config.motions)}"
+        )
     return config.motions[name]
 
 

@@ -28,7 +28,8 @@ print([name for name in heavy if name in sys.modules], file=sys.stderr)
 
 @pytest.mark.parametrize(
     ("words", "says", "heavy"),
-    [(["--help"], "Commands:", HEAVY), (["--version"], f"facets {facets.__version__}", HEAVY),
+    [(["--help"], "Simulate and design:", HEAVY),
+     (["--version"], f"facets {facets.__version__}", HEAVY),
      (["config", "list"], "paper: The experimental rig", HEAVY),
      (["config", "check", "paper"], "ok  paper", ("llvmlite", "scipy", "pandas", "pydantic"))],
 )  # fmt: skip

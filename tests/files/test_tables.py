@@ -157,7 +157,10 @@ def test_what_spreadsheets_make_of_csv(write, raw):
 
 def test_what_was_taken_for_a_header_is_named(write):
     for raw, says in (
-        ("# seed: 1\nReport of today\na,b\n1,2\n", "header in line 2: .*found: Report of today"),
+        (
+            "# seed: 1\nReport of today\na,b\n1,2\n",
+            "header in line 2: .*columns found: Report of today",
+        ),
         ("a,b\n1,2,3\n4,5,6\n", r"t\.csv:2: this row has 3 cells, and the header in line 1 has 2"),
     ):
         with pytest.raises(InputError, match=says):
@@ -220,8 +223,9 @@ def test_other_bad_files_are_named(tmp_path, write):
         (tmp_path, "is a folder, not a table"),
         (write("a,b\n", "t.txt"), r"ends in \.csv, \.csv\.gz, \.parquet, \.h5 or \.tdms"),
         (write("a,b\n", "t.parquet"), "not a Parquet table"),
+        (write("", "t.h5"), r"t\.h5: is empty"),
         (write("psi_a_mm,b,c,b\n", "twice.csv"), "appear twice: b"),
-        (write("psi_a,b\n1,2\n"), r"missing columns: psi_a_mm \(found: psi_a\), c"),
+        (write("psi_a,b\n1,2\n"), r"missing columns: psi_a_mm, c; did you mean 'psi_a'"),
     ):
         with pytest.raises(InputError, match=says):
             read(path, ("psi_a_mm", "b", "c"))

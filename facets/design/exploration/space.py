@@ -18,6 +18,7 @@ from ...characterization.sobol import Sobol
 from ...core.errors import InputError
 from ...core.knowledge import Knowledge
 from ...core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS
+from ...core.plain_numbers import suggest_name
 from ...core.rules import Rules
 from ...core.sensor import Sensor
 from ...core.units import Booleans, Floats, Integers
@@ -98,7 +99,10 @@ def space_of(
     """
     unknown = [name for name in objectives if name not in MEASURES]
     if unknown:
-        raise InputError(f"unknown measure {', '.join(unknown)}; allowed: {', '.join(MEASURES)}")
+        raise InputError(
+            f"unknown measure {', '.join(unknown)}; allowed: {', '.join(MEASURES)}"
+            f"{suggest_name(unknown[0], MEASURES)}"
+        )
     require_variables(settings.layout)
     space = Space(
         settings.sensor, replace(settings.range, object=settings.layout.object), settings.layout,

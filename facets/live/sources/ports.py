@@ -274,6 +274,8 @@ def opening_error(what: str, reason: str) -> PortError:
         reason = "this is no serial port; to read a file of received bytes, give file:PATH"
     elif "no such file" in text or "filenotfound" in text:
         reason = "there is no such device; check that it is plugged in"
+        if what.partition(":")[0].endswith("/board"):
+            reason += "; for a virtual bench run `facets emulate CONFIG --motion NAME` first"
     return PortError(f"{what}: {reason}")
 
 
