@@ -93,10 +93,10 @@ def head_columns(heads: SimulatedHeads) -> dict[str, Any]:
     import numpy as np
 
     columns: dict[str, Any] = {
-        "head": np.arange(len(heads.kept)),
-        "margin": heads.kept,
+        "head": np.arange(len(heads.within_limits)),
+        "margin": heads.within_limits,
         "accuracy_margin_built": heads.built,
-        "accuracy_margin_calibrated": heads.known,
+        "accuracy_margin_calibrated": heads.calibrated,
     }
     for which, case in enumerate(("built", "calibrated")):
         for i, name in enumerate(FINE_COLUMNS[:6]):

@@ -81,7 +81,7 @@ def layout_for_yield(settings: Config, optimum: Optimum) -> Optimum:
     was = design.results.tables.objective_text(layout.aim, optimum.best.objective)
     typer.echo(
         f"for {share} of the heads spots, light and limits are kept with {robust.factor:.3g} of "
-        f"the spreads that the tolerances give them (predicted {100 * robust.kept:.1f} %, "
+        f"the spreads that the tolerances give them (predicted {100 * robust.within_limits:.1f} %, "
         f"{robust.rounds} rounds);\nfor perfect heads alone it would be: {was}\n"
     )
     return replace(optimum, results=[robust.result, *optimum.results], problem=robust.problem)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from facets.core.sensor import Sensor
     from facets.design.results.tables import Rows
     from facets.design.tolerances.heads import SimulatedHeads
-    from facets.design.tolerances.prediction import Sensitivity, YieldShares
+    from facets.design.tolerances.prediction import Sensitivity, YieldFractions
 
 
 class Yields:
@@ -25,14 +25,14 @@ class Yields:
 
     def __init__(
         self,
-        predicted: YieldShares,
+        predicted: YieldFractions,
         heads: SimulatedHeads,
         by_tolerance: list[Sensitivity],
         accurate: bool,
     ) -> None:
         self.predicted, self.heads, self.by_tolerance = predicted, heads, by_tolerance
         self.accurate = accurate
-        self.count = len(heads.kept)
+        self.count = len(heads.within_limits)
 
 
 def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields:
@@ -45,7 +45,7 @@ def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields
     draws = design.tolerances.prediction.draw_heads(built)
     with show_progress("building heads") as on_progress:
         made = design.tolerances.heads.simulate_heads(built, heads, seed, on_progress)
-    accurate = bool(built.asked.accuracy_axes)
+    accurate = bool(built.requirement.accuracy_axes)
     return Yields(
         design.tolerances.prediction.predict_yields(expansion, draws),
         made,
@@ -89,7 +89,7 @@ FEW = 0.5
 
 def margin_advice(settings: Config, yields: Yields) -> str:
     """Advice for a design with a low yield; "" for a higher yield or without tolerances."""
-    share = design.tolerances.heads.count_passes(yields.heads)["kept"] / yields.count
+    share = design.tolerances.heads.count_passes(yields.heads)["within_limits"] / yields.count
     if share >= FEW or not yields.by_tolerance:
         return ""
     strongest = yields.by_tolerance[0]
@@ -107,8 +107,8 @@ def margin_advice(settings: Config, yields: Yields) -> str:
 
 
 def kinds_of(settings: Config, yields: Yields) -> dict[str, str]:
-    """Requirements of a head in words, by the fields of `tolerancing.YieldShares`."""
-    kinds = {"kept": "spots, light and limits"}
+    """Requirements of a head in words, by the fields of `prediction.YieldFractions`."""
+    kinds = {"within_limits": "spots, light and limits"}
     if yields.accurate:
         kinds["built"] = "and accuracy, as built"
     if yields.accurate and settings.layout.calibrated:
@@ -135,7 +135,7 @@ def percent(share: float) -> str:
 def error_rows(settings: Config, yields: Yields) -> Rows:
     import numpy as np
 
-    whole = yields.heads.kept >= 0
+    whole = yields.heads.within_limits >= 0
     some = yields.heads.errors[whole] if whole.any() else yields.heads.errors
     rows = []
     for i, name in enumerate(POSE):

@@ -1,7 +1,7 @@
-"""A layout's requirements over the volume, as margins by the float model, each at least zero.
+"""A layout's requirements over the volume, as margins of the float model that must not be negative.
 
-The search applies them to layouts (`problem`, `trade`). Here they are applied to a head as built,
-whose detectors and facets are each slightly displaced. Besides, they include the errors of poses
+The search applies them to layouts (`problem`, `trade`). This module applies them to a head as
+built, whose detectors and facets are each slightly displaced. It also computes the errors of poses
 that are solved with the parameters of another head.
 """
 
@@ -25,9 +25,9 @@ from ..model.arrays import half_sizes, margins, readings
 from .variables import Outcome
 from .volume import (
     mirror_states,
-    shares_of_volume,
     span_of,
     states_of,
+    volume_fractions,
     wide_axes,
     worst_places,
 )
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
 
 FREE = Knowledge()
-#: The margin of a requirement that cannot be evaluated, since a spot or its light is missing.
+#: Margin of a requirement that cannot be evaluated, because a spot or its light is missing.
 LOST = -1.0
 UNITS = np.array(FINE_UNITS[:6])
 EDGES = ("-y", "+y", "-z", "+z")
@@ -45,8 +45,8 @@ EDGES = ("-y", "+y", "-z", "+z")
 class Constraint(NamedTuple):
     """A value that must not fall below zero, or below minus a slack.
 
-    group: the name of the requirement.  value: an array as wide as (layouts, states) or less.
-    slack: the aim whose unknown is added, "" for none.  states: numbers of the constrained states;
+    group: name of the requirement.  value: an array that broadcasts to (layouts, states).
+    slack: the aim whose unknown is added; "" for none.  states: numbers of the constrained states;
     None for all.
     """
 
@@ -66,10 +66,11 @@ def limits_of(
 ) -> list[Constraint]:
     """List a layout's requirements at every state of its volume, scaled to order one.
 
-    least_power: on a detector, mW.  largest: standard uncertainties, 6, um and urad, infinite if
-    there is no limit.
-    powers: 3, mW.  spots: from each detector's edges, 12, over half a detector.  sigmas: standard
-    uncertainties of the pose, 6, um and urad.  rims: from the mirror's rim, 3, over it, if any.
+    least_power: least power on a detector, mW.  largest: (6,) largest standard uncertainties, um
+    and urad; infinite without a limit.
+    powers: the 3 powers, mW.  spots: 12 clearances of the spots from the detectors' edges, in
+    halves of a detector.  sigmas: 6 standard uncertainties of the pose, um and urad.  rims: 3
+    clearances of the light from the mirror's rim, over the rim's radius; empty without a rim.
     """
     return [
         *(Constraint("power on a detector", power / least_power - 1) for power in powers),
@@ -112,9 +113,9 @@ def headrooms(outcome: Outcome) -> list[Constraint]:
 class Requirement:
     """The requirements over the volume.
 
-    states: (m, 8), the last at rest; with displacements of the layout's object in place of the
-    mirror's pose, if it has one.  power: knowledge of the laser's power, as in `solve`.  rim:
-    whether the mirror's light must stay within its rim.
+    states: (m, 8), mm and rad, the last at rest; if the layout has an object, with its
+    displacements in place of the mirror's pose.  power: knowledge of the laser's power, as in
+    `solve`.  rim: whether the light on the mirror must stay within its rim.
     """
 
     layout: Layout
@@ -129,14 +130,14 @@ class Requirement:
 
     @property
     def accuracy_axes(self) -> list[int]:
-        """Axes whose error has a limit."""
+        """Numbers of the axes whose error is limited."""
         return [i for i in range(6) if np.isfinite(self.layout.accuracy[i])]
 
     @property
     def groups(self) -> list[str]:
         """Names of the margins of one state, in the order of `margins_of`."""
         ones = np.ones(12)
-        asked = limits_of(
+        constraints = limits_of(
             self.layout.least_power,
             self.layout.limit,
             ones[:3],
@@ -144,7 +145,7 @@ class Requirement:
             ones[:6],
             ones[: 3 * self.rim],
         )
-        return [each.group for each in asked]
+        return [each.group for each in constraints]
 
     @property
     def error_groups(self) -> list[str]:
@@ -152,42 +153,42 @@ class Requirement:
 
 
 def requirement_of(sensor: Sensor, layout: Layout, drifts: bool) -> Requirement:
-    """Make the requirement at the volume's states and at the sensor's worst places between them.
+    """Make the requirement at the volume's states and at the sensor's worst states between them.
 
     drifts: whether the laser's power is unknown in each sample.
     """
     rim = bool(np.isfinite(sensor.apertures.rim))
     power = "unknown" if drifts else "known"
-    stated = Requirement(layout, np.array(states_of(layout, 1.0)), power, rim)
-    states = [stated.states, worst_places_of(stated, sensor), np.zeros((1, 8))]
-    return replace(stated, states=np.concatenate(states))
+    requirement = Requirement(layout, np.array(states_of(layout, 1.0)), power, rim)
+    states = [requirement.states, worst_places_of(requirement, sensor), np.zeros((1, 8))]
+    return replace(requirement, states=np.concatenate(states))
 
 
 def worst_places_of(requirement: Requirement, sensor: Sensor) -> Floats:
-    """Find states (k, 8) between the requirement's states at which a margin is smaller."""
+    """Find states (k, 8) between the requirement's states at which a margin is smaller than at all
+    of these."""
     span, wide = span_of(requirement.layout), wide_axes(requirement.layout)
 
-    def values(shares: Floats) -> Floats:
-        return margins_of(replace(requirement, states=shares @ span), sensor)
+    def values(fractions: Floats) -> Floats:
+        return margins_of(replace(requirement, states=fractions @ span), sensor)
 
-    places, _ = worst_places(values, shares_of_volume(wide), wide)
+    places, _ = worst_places(values, volume_fractions(wide), wide)
     states: Floats = places @ span
     return states
 
 
 def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
-    """The margins (m, groups) of a head: powers and spots over their least values, uncertainties
-    over their limits."""
+    """The margins (m, groups) of a head at the requirement's states, each relative to its limit."""
     layout = requirement.layout
     states = requirement.mirror_states
     halves = np.repeat(half_sizes(sensor), 2, axis=1)
-    room = margins(sensor, states)
-    spots = (room[:, :, :4] / halves).reshape(len(states), 12)
+    distances = margins(sensor, states)
+    spots = (distances[:, :, :4] / halves).reshape(len(states), 12)
     sigmas = np.full((1, 6), np.nan)
     if np.isfinite(layout.limit).any():
         sigmas = uncertainties(sensor, states, FREE, layout.object) / UNITS
-    rims = (room[:, :, 4] / sensor.apertures.rim).T if requirement.rim else ()
-    asked = limits_of(
+    rims = (distances[:, :, 4] / sensor.apertures.rim).T if requirement.rim else ()
+    constraints = limits_of(
         layout.least_power,
         layout.limit,
         readings(sensor, states)[:, 2::3].T,
@@ -195,32 +196,31 @@ def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
         sigmas.T,
         rims,
     )
-    least: Floats = np.nan_to_num(np.stack([each.value for each in asked], axis=1), nan=LOST)
-    return least
+    values: Floats = np.nan_to_num(np.stack([each.value for each in constraints], axis=1), nan=LOST)
+    return values
 
 
-def errors_of(requirement: Requirement, built: Sensor, thought: Sensor) -> Floats:
-    """The errors (m, 6) of the poses, less the error at rest; um and urad.
+def errors_of(requirement: Requirement, built: Sensor, assumed: Sensor) -> Floats:
+    """The errors (m, 6) of the poses, less the error at rest, um and urad; NaN without a pose.
 
-    built: the head as it is.  thought: the head whose parameters the solver uses.  NaN where it
-    finds no pose.
+    built: the head that makes the readings.  assumed: the head whose parameters the solver uses.
     """
     states, body = requirement.mirror_states, requirement.layout.object
     raw = invert_correction(built, readings(built, states).copy())
     solution = solve(
-        thought, correct(thought, raw), beam="free", power=requirement.power,
+        assumed, correct(assumed, raw), beam="free", power=requirement.power,
         start=states, covariance=False, accept_unchecked=True,
     )  # fmt: skip
     poses = solution.state[:, :6]
     if body is not None:
         poses = object_displacements(poses, np.zeros(6), body)[0]
     off = (poses - requirement.states[:, :6]) / UNITS
-    beside: Floats = off - off[-1]
-    return beside
+    relative: Floats = off - off[-1]
+    return relative
 
 
 def accuracy_margins(requirement: Requirement, errors: Floats) -> Floats:
-    """The share (..., axes with a limit) of its limit that remains beside each error."""
+    """One minus each error over its limit, (..., axes with a limit); `LOST` without a pose."""
     axes = requirement.accuracy_axes
     limits = np.array(requirement.layout.accuracy)[axes]
     margin: Floats = np.nan_to_num(1 - np.abs(errors[..., axes]) / limits, nan=LOST)

@@ -1,9 +1,9 @@
 """Clearances of spots from their detectors' edges, and of light from the mirror's rim, on arrays.
 
-A landing coordinate is linear over a facet, so that the light inside the beam's 1/e^2 ellipse lands
-farthest out on the ellipse itself, or, as only a piece of it lies on the facet, at a corner of that
-piece. Each corner is a constraint of its own, since the largest of them changes its slope where one
-takes over from another.
+A landing coordinate is linear over a facet. The light inside the beam's 1/e^2 ellipse therefore
+lands farthest out at a point of the ellipse itself or at a corner of the part of it that lies on
+the facet. Each corner is a constraint of its own, because the largest of them has a kink where
+another corner becomes the largest.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ RADIUS = FOOTPRINT_RADIUS_SIGMAS
 
 
 def landings(fixed: Geometry, at: Scene) -> Iterator[tuple[int, int, Any, Plane]]:
-    """Yield each detector (0 to 2) and axis (y, z) with the place where the beam's central ray
-    lands, mm, and its change with a sigma across the beam."""
+    """Yield, for each detector (0 to 2) and axis (0: y, 1: z), the coordinate at which the beam's
+    central ray lands, mm, and its change per sigma across the beam."""
     for facet in mirror_facets(fixed, at):
         start = hit(at.place, fixed.direction, at.apex, facet.normal)
         leaving = reflect(fixed.direction, facet.normal)
@@ -41,10 +41,8 @@ def landings(fixed: Geometry, at: Scene) -> Iterator[tuple[int, int, Any, Plane]
 
 
 def ellipse_clearances(fixed: Geometry, at: Scene, sizes: Any) -> list[Any]:
-    """Clearances of the whole ellipse's image from each detector's edges at -y, +y, -z, +z, mm: 12.
-
-    sizes: of the detectors, square, mm.
-    """
+    """The 12 clearances of the complete ellipse's image from each detector's edges at -y, +y, -z,
+    +z, mm.  sizes: sides of the square detectors, mm."""
     clearances = []
     for k, _, centre, slope in landings(fixed, at):
         reach = RADIUS * sqrt(dot2(slope, slope))
@@ -53,11 +51,12 @@ def ellipse_clearances(fixed: Geometry, at: Scene, sizes: Any) -> list[Any]:
 
 
 def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int, int], list[Any]]:
-    """Clearances by detector and edge (-y, +y, -z, +z) of a facet's candidates for the farthest
-    light, mm: the tip, the points where the facet's edges leave the ellipse, and the arc's farthest
-    point.
+    """Clearances, mm, of the points of a facet's light that can land farthest out, by detector and
+    edge (-y, +y, -z, +z).
 
-    sizes: of each detector along y and z, mm.  The tip is inside the ellipse; see `tip_clearance`.
+    The points are the tip, the crossings of the facet's edges with the ellipse, and the farthest
+    point of the arc.  sizes: of each detector along y and z, mm.  The tip must be inside the
+    ellipse; see `tip_clearance`.
     """
     clearances = {}
     outermost = [corner_points(at, k) for k in range(3)]
@@ -79,17 +78,18 @@ def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int,
 
 def corner_points(at: Scene, k: int) -> list[Plane]:
     """The corners of the light on facet k inside the ellipse: tip and far ends of both edges."""
-    every = corners(at.q, at.sides[k], at.sides[(k + 1) % 3], RADIUS)
-    return [every[n][1] for n in (0, 2, 4)]
+    points = corners(at.q, at.sides[k], at.sides[(k + 1) % 3], RADIUS)
+    return [points[n][1] for n in (0, 2, 4)]
 
 
 def tip_clearance(at: Scene) -> Any:
-    """A value that is positive where the mirror's tip is inside the ellipse."""
+    """A value that is positive if the mirror's tip is inside the ellipse."""
     return 1 - dot2(at.q, at.q) / (RADIUS * RADIUS)
 
 
 def rim_clearances(fixed: Geometry, at: Scene, rim: float) -> list[Any]:
-    """Clearances of the light inside the ellipse from the mirror's rim by facet, over the rim."""
+    """The clearance of each facet's light inside the ellipse from the mirror's rim, over the rim's
+    radius."""
     clearances = []
     for facet in mirror_facets(fixed, at):
         along = slant(outward_direction(facet), fixed.direction, facet.normal)

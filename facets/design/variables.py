@@ -29,12 +29,12 @@ FACETS, PSDS = (6, 8, 10), (12, 18, 24)
 
 
 class Outcome(NamedTuple):
-    """The model's results for layouts at states, each as wide as (k, m).
+    """The model's results for k layouts at m states, arrays (k, m).
 
     variances: 6, um^2 and urad^2.  powers: 3, mW.  condition: square of the weighted Jacobian's
-    condition number in the Frobenius norm, which is at least that of the spectral norm and at most
-    8 times it.  headrooms: the remaining share of the full scale of each of twelve amplifiers, if
-    the noise follows from electronics.
+    condition number in the Frobenius norm, which is 1 to 8 times that in the spectral norm.
+    headrooms: the unused fraction of the full scale of each of twelve amplifiers; empty unless the
+    noise follows from electronics.
     """
 
     variances: list[Floats]
@@ -44,8 +44,8 @@ class Outcome(NamedTuple):
 
 
 class LayoutValues(NamedTuple):
-    """The model's vectors and scene, the detectors' sizes, mm, the results, and the heads'
-    diameters, mm, of layouts at states."""
+    """Layouts evaluated at states: the model's vectors and scene, the detectors' sizes, mm, the
+    results, and the heads' diameters, mm."""
 
     fixed: Geometry
     at: Scene
@@ -63,8 +63,8 @@ def evaluate_layouts(
 ) -> LayoutValues:
     """Evaluate k layouts at m states.
 
-    x: the variables' values, columns (k, 1).  state: of `columns_of_states`.  body: the object
-    whose displacement has the variances.
+    x: the variables' values, columns (k, 1).  state: from `columns_of_states`.  body: the object
+    to whose displacement the variances belong.
     """
     parameters, sizes = layout_parameters(sensor, names, x)
     fixed = build_geometry(tuple(parameters))
@@ -73,14 +73,15 @@ def evaluate_layouts(
     return LayoutValues(fixed, dark_scene(fixed, state), sizes, outcome, heads)
 
 
-def values_between(variables: Mapping[str, tuple[float, float]], shares: Floats) -> list[Floats]:
-    """The values of the variables, columns (k, 1), at shares (k, n or more) of their bounds."""
+def values_between(variables: Mapping[str, tuple[float, float]], fractions: Floats) -> list[Floats]:
+    """The variables' values, columns (k, 1), from fractions (k, n or more) of the way between their
+    bounds."""
     low, high = np.array(list(variables.values())).T
-    return list((low + (high - low) * shares[:, : len(variables)]).T[:, :, None])
+    return list((low + (high - low) * fractions[:, : len(variables)]).T[:, :, None])
 
 
-#: The share of an amplifier's full scale that a design's light may use; the rest is for the laser's
-#: noise, for tolerances of the parts, and for the noise of the reading itself.
+#: Fraction of an amplifier's full scale that a design's light may use; the remainder is for the
+#: laser's noise, the parts' tolerances, and the noise of the reading.
 FULL = 0.95
 
 
@@ -99,9 +100,9 @@ def outcome_of(
 ) -> Outcome:
     """Compute the results for k layouts at m states.
 
-    fixed: vectors of floats or columns (k, 1).  sizes: of the detectors, square, mm, likewise.
-    state: eight numbers, each (m,) or (k, m), of `columns_of_states`.  gain: of the amplifiers,
-    ohm, if it is not the sensor's.  body: the object whose displacement has the variances.
+    fixed: vectors of floats or columns (k, 1).  sizes: sides of the square detectors, mm, likewise.
+    state: eight arrays, each (m,) or (k, m), from `columns_of_states`.  gain: of the amplifiers,
+    ohm; None for the sensor's.  body: the object to whose displacement the variances belong.
     """
     rows = [len(each) for each in state if each.ndim == 2]
     count = max(1, *(getattr(each, "size", 1) for each in (*leaves(fixed), *sizes, gain)), *rows)
@@ -125,15 +126,15 @@ def outcome_of(
 def spectrum_of(matrices: Floats, slopes: Floats | None = None) -> tuple[Floats, Floats]:
     """The variances of the pose (n, 6) and `Outcome.condition` (n,) of Jacobians (n, 9, 8).
 
-    slopes: (n, 6, 6) of `fine_slopes`, for the variances of an object's pose.
+    slopes: (n, 6, 6) from `fine_slopes`, for the variances of an object's pose.
     """
     triangle = np.asarray(np.linalg.qr(matrices, mode="r")).transpose(1, 2, 0).copy()
     inverse = np.zeros_like(triangle)  # row by row from the last, of all matrices at once
     with np.errstate(divide="ignore", invalid="ignore"):
         for i in reversed(range(len(triangle))):
             inverse[i, i] = 1 / triangle[i, i]
-            rest = (triangle[i, i + 1 :, None] * inverse[i + 1 :, i + 1 :]).sum(axis=0)
-            inverse[i, i + 1 :] = -rest * inverse[i, i]
+            products = (triangle[i, i + 1 :, None] * inverse[i + 1 :, i + 1 :]).sum(axis=0)
+            inverse[i, i + 1 :] = -products * inverse[i, i]
     squares = (inverse**2).sum(axis=1)
     variances = squares[:6].T
     if slopes is not None:
@@ -144,8 +145,8 @@ def spectrum_of(matrices: Floats, slopes: Floats | None = None) -> tuple[Floats,
 def noise_of(
     sensor: Sensor, reading: Floats, sizes: Sequence[Any], gain: Any
 ) -> tuple[Floats, list[Any]]:
-    """Standard deviations of readings (k, m, 9), and the remaining share of the full scale of each
-    of the twelve amplifiers, (k, m) each, if there are any."""
+    """Standard deviations of readings (k, m, 9), and for each of the twelve amplifiers, if any, the
+    unused fraction (k, m) of its full scale."""
     if sensor.electronics is None:
         return standard_deviations(sensor, reading), []
     parts = []
@@ -183,9 +184,9 @@ def electronics_of(
 
 
 UNITS = {"mm": 1.0, "mw": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "kohm": 1e3}
-#: The amplifiers' gain, which is no parameter of the optics.
+#: The amplifiers' gain, the only variable that is no parameter of the optics or a size.
 GAIN = "transimpedance_kohm"
-#: Places of the variables among the parameters of one facet or detector.
+#: Positions of the variables among the parameters of one facet or detector.
 OF_A_FACET = {"inclination_deg": 0, "azimuth_deg": 1}
 OF_A_PSD = {"radius_mm": 0, "azimuth_deg": 1, "height_mm": 2,
             "roll_mrad": 3, "pitch_mrad": 4, "yaw_mrad": 5}  # fmt: skip
@@ -200,11 +201,11 @@ def require_variables(layout: Layout) -> None:
 
 
 def unit_of(name: str) -> float:
-    """The unit of a variable, in which its name ends, in mm, mW or rad."""
+    """The unit with which a variable's name ends, in mm, mW, rad or ohm."""
     return UNITS[name.rpartition("_")[2]]
 
 
-#: The variables of one facet or detector alone, by their places in the 30 parameters.
+#: Positions among the 30 parameters of the variables that belong to a single facet or detector.
 SINGLES = {
     f"{kind}_{letter}_{key}": first[k] + i
     for kind, first, keys in (("facet", FACETS, OF_A_FACET), ("psd", PSDS, OF_A_PSD))
@@ -214,7 +215,7 @@ SINGLES = {
 
 
 def present_values(sensor: Sensor) -> dict[str, float]:
-    """The present sensor's values of the variables, in the units of their names."""
+    """The values that the variables have in a sensor, in the units of their names."""
     psd, p = sensor.psds[0], parameters(sensor)
     values = {
         "radius_mm": psd.radius,
@@ -232,24 +233,26 @@ def present_values(sensor: Sensor) -> dict[str, float]:
 
 
 def layout_parameters(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[list[Any], list[Any]]:
-    """The 30 parameters and the 3 sizes when the named variables take the values x.
+    """The 30 parameters and the 3 sizes if the named variables have the values x.
 
-    x: symbols or floats, in the units of the names. Detectors go up and down with the sub-beams if
-    an inclination varies.
+    x: floats or arrays, in the units of the names. If an inclination varies, the detectors' heights
+    follow the sub-beams.
     """
     value = {name: x[i] * unit_of(name) for i, name in enumerate(names)}
-    moved = common_parameters(value) | {i: value[n] for n, i in SINGLES.items() if n in value}
+    changed = common_parameters(value) | {i: value[n] for n, i in SINGLES.items() if n in value}
     present = parameters(sensor)
     for facet, psd in zip(FACETS, PSDS, strict=True):
-        if facet in moved and psd + 2 not in moved:
-            moved[psd + 2] = sub_beam_height(moved.get(psd, present[psd]), moved[facet])
+        if facet in changed and psd + 2 not in changed:
+            changed[psd + 2] = sub_beam_height(changed.get(psd, present[psd]), changed[facet])
     sizes = [value.get("size_mm", min(psd.size_y, psd.size_z)) for psd in sensor.psds]
-    return [moved.get(i, number) for i, number in enumerate(present)], sizes
+    return [changed.get(i, number) for i, number in enumerate(present)], sizes
 
 
 def common_parameters(value: dict[str, Any]) -> dict[int, Any]:
-    """The parameters that the shared variables set, by their places; value: of the variables by
-    name, in mm, mW and rad."""
+    """The parameters that the common variables set, by their numbers.
+
+    value: the variables' values by name, in mm, mW and rad.
+    """
     places = {
         "power_mw": (0,),
         "diameter_mm": (1, 2),
@@ -277,7 +280,7 @@ def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
 
 
 def gain_of(sensor: Sensor, names: Sequence[str], x: Any) -> Any:
-    """The amplifiers' gain, ohm, when the named variables take the values x; None if the noise does
+    """The amplifiers' gain, ohm, if the named variables have the values x; None if the noise does
     not follow from electronics."""
     if sensor.electronics is None:
         return None

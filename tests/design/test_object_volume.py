@@ -85,8 +85,8 @@ def test_errors_of_heads_are_those_of_the_object():
     loose = replace(CONFIG.calibrate, before={"psd_place_mm": 0.01}, power_per_sample=False)
     built = HeadSettings(layout, CONFIG.range, loose).assembly_of(CONFIG.sensor)
     heads = simulate_heads(built, 1, 3)
-    head = built.head(np.random.default_rng(3).normal(size=len(built.choice.names)) * built.loose)
-    states = states_by_quaternions(built.asked.states)
+    head = built.head(np.random.default_rng(3).normal(size=len(built.choice.names)) * built.varies)
+    states = states_by_quaternions(built.requirement.states)
     solved = facets.solve(
         CONFIG.sensor, facets.readings(head, states), start=states, accept_unchecked=True
     )

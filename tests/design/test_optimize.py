@@ -200,10 +200,10 @@ ELECTRONICS = facets.Electronics()
 @pytest.mark.parametrize(
     ("effects", "asked", "words"),
     [
-        ({"electronics": facets.Electronics(kind="tetra-lateral")}, {}, "tetra-lateral is a"),
+        ({"electronics": facets.Electronics(kind="tetra-lateral")}, {}, "tetra-lateral one is a"),
         ({"apertures": facets.Apertures(beam=1.0)}, {}, "does not support sensor.apertures.beam_r"),
         ({"light": BenchLight(tip=1e-5)}, {}, "does not support sensor.light"),
-        ({"calibration": facets.Calibration((), ())}, {}, "belongs to a rig"),
+        ({"calibration": facets.Calibration((), ())}, {}, "belongs to an existing rig"),
         ({"electronics": ELECTRONICS}, {"amplifiers": {"a": AmplifierPart(1e-5, 1.0)}}, "noise of"),
         ({"electronics": ELECTRONICS}, {"psds": {"a": PsdPart(10.0, 0.001, 1.0)}}, "noise of"),
         ({"electronics": ELECTRONICS},

@@ -112,7 +112,7 @@ def count_by_hand(config, sensor, count):
 @pytest.mark.slow
 def test_the_predicted_yield_is_that_of_heads_drawn_by_hand(plain):
     built = assembly(plain)
-    predicted = predict_yields(expand_margins(built), draw_heads(built)).kept
+    predicted = predict_yields(expand_margins(built), draw_heads(built)).within_limits
     assert 0.2 < predicted < 0.9, "else the test says nothing"
     assert within(predicted, count_by_hand(plain, plain.sensor, 300), 300)
 
@@ -128,8 +128,8 @@ def test_the_predicted_accuracy_is_that_of_heads_calibrated_from_readings(
     config = replace(config, layout=replace(config.layout, calibrated=which == "calibrated"))
     built = assembly(config)
     # spots that leave their detectors are another test's
-    small = replace(built.asked, states=built.asked.states * 0.8)
-    built = replace(built, asked=small)
+    small = replace(built.requirement, states=built.requirement.states * 0.8)
+    built = replace(built, requirement=small)
     predicted = getattr(predict_yields(expand_margins(built), draw_heads(built)), which)
     heads = simulate_heads(built, count, 3)
     assert heads.unsettled == 0
@@ -142,7 +142,7 @@ def test_margins_are_no_larger_than_the_yield_needs(robust):
     """With less of them the prediction falls short."""
     found, best = robust
     assert found.result.found
-    assert abs(found.kept - 0.9) < 0.005
+    assert abs(found.within_limits - 0.9) < 0.005
     assert 1.0 < found.factor < 3.0
     assert found.result.objective > best.objective, "margins cost something"
 
@@ -172,8 +172,8 @@ def test_of_one_tolerance_alone_the_sensitivity_is_the_yield(tmp_path):
     expansion, draws = expand_margins(built), draw_heads(built)
     (only,) = sensitivities(expansion, draws)
     assert only.key == "facet_mrad"
-    assert only.alone.kept == predict_yields(expansion, draws).kept
-    assert only.halved.kept > only.alone.kept
+    assert only.alone.within_limits == predict_yields(expansion, draws).within_limits
+    assert only.halved.within_limits > only.alone.within_limits
 
 
 def test_heads_without_tolerances_are_an_error(plain):

@@ -1,12 +1,12 @@
 """The Pareto front, point by point, by the epsilon-constraint method.
 
-One objective is minimised while the others are held to bounds. The bounds step along the front,
-forward and back, and each point begins where its neighbour ended; some points are also searched
-from random designs, so that a front of several pieces is found, and what such a search finds is
-passed on to the neighbours. The multiplier of a bound at a point is the price of that objective in
-the first one: for example urad for each mm of the head.
+One objective is minimised while the others have bounds. The bounds step along the front, forward
+and back, and the search for each point begins at its neighbour's result. Some points are also
+searched from random designs, so that a front of several pieces is found; their results are starts
+for the neighbours. The multiplier of a bound at a point is the price of that objective in the first
+one, for example urad per mm of the head.
 
-Every point is measured again by `measure_design`, as sampled designs are.
+Every point is measured again by `measure_design`, like a sampled design.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from ..optimisation.search import active_constraints, active_rows, solve
 from .space import MEASURES, Space, measure_design
 from .trade import Trade, trade_of
 
-#: Starts for the least of each objective; and every how many points a random start is tried, too.
+#: Number of starts for the minimum of each objective; number of points per random start.
 STARTS, RANDOM_START_EVERY = 6, 10
-#: By how much of an objective's scale one end must be better than another to replace it.
+#: Least gain, in units of an objective's scale, with which one result replaces another.
 LEAST_GAIN = 1e-7
-#: Largest number of sweeps; and of IPOPT's steps, since a longer search mostly finds no design.
+#: Largest number of sweeps; and of IPOPT's steps, because longer searches seldom find a design.
 SWEEPS, STEPS = 6, 60
-#: Tolerance of a measured range, over `ranges.FARTHEST_MM_RAD`; and the difference between a
-#: measure and the search's value, over its scale, above which a point is left out.
+#: Tolerance of a measured range, in units of `ranges.FARTHEST_MM_RAD`; largest difference between a
+#: measure and the search's value, in units of its scale, with which a point is accepted.
 RANGE_TOLERANCE, MEASURE_TOLERANCE = 1e-10, 1e-5
 OnProgress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
 class End:
-    """The end of a search: unknowns, costs, multipliers of the costs' bounds, the search's
-    constraints, and the active ones."""
+    """The result of a search: unknowns, costs, multipliers of the costs' bounds, numbers of the
+    active constraints, and multipliers of the active groups."""
 
     unknowns: Floats
     costs: Floats
@@ -51,13 +51,13 @@ class End:
 
 @dataclass(frozen=True)
 class Front:
-    """Points on the front, the first objective from its best on.
+    """n points on the front, sorted by the first objective, the best first.
 
-    designs (n, variables), in the units of the variables' names.  measures (n, MEASURES). prices
-    (n, objectives): by how many of its units the first objective improves when the bound of another
-    one is relaxed by one of its units; NaN for the first. active: the active constraints of each
-    point, over the strongest. left_out: points whose measures differ from the search's values.
-    walk, ends: the search and its ends, from which it can continue.
+    walk, ends: the search and its results, from which it can continue.  designs: (n, variables), in
+    the units of the variables' names.  measures: (n, MEASURES).  prices: (n, objectives) the
+    improvement of the first objective per unit by which another one's bound is relaxed; NaN for the
+    first.  active: multipliers of each point's active constraints, over the largest.  left_out:
+    number of points that were excluded, because their measures differ from the search's values.
     """
 
     walk: Walk
@@ -71,26 +71,27 @@ class Front:
 
 
 class Walk:
-    """A search along the front of a `Trade`.  first: the number of the minimised objective."""
+    """A search along the front of a `Trade`.  first: number of the objective that is minimised."""
 
     def __init__(self, trade: Trade, first: int, seed: int) -> None:
         self.trade, self.first = trade, first
         self.rng = np.random.default_rng(seed)
-        #: Pairs of a point and a neighbour's end from which it was searched, so that no search is
-        #: repeated.
-        self.asked: set[tuple[int, bytes]] = set()
+        #: Pairs of a point and a start from which it was searched, so that no search is repeated.
+        self.searched: set[tuple[int, bytes]] = set()
 
     def least(self, objective: int, most: Floats, start: Floats | End) -> End | None:
-        """Minimise one objective where no cost is above `most`; None if no design is found."""
+        """Minimise one objective with all costs at most `most`; None if no design is found."""
         trade = self.trade
         problem = replace(trade.problem, objective=Objective({trade.objectives[objective]: 1.0}))
-        guess, known = (start.unknowns, start.rows) if isinstance(start, End) else (start, None)
+        guess, rows_before = (
+            (start.unknowns, start.rows) if isinstance(start, End) else (start, None)
+        )
         problem, rows, result, unknowns = solve(
-            problem, guess, trade.bounds(most), known=known, steps=STEPS
+            problem, guess, trade.bounds(most), known_rows=rows_before, steps=STEPS
         )
         costs = trade.costs(unknowns)
-        kept = problem.values(unknowns).min() > -1e-7
-        if not result.success or not kept or not (costs <= most + LEAST_GAIN).all():
+        is_feasible = problem.values(unknowns).min() > -1e-7
+        if not result.success or not is_feasible or not (costs <= most + LEAST_GAIN).all():
             return None
         multipliers = np.abs(result.bounds[len(problem.names) :])
         return End(unknowns, costs, multipliers, active_rows(problem, rows, result),
@@ -99,8 +100,8 @@ class Walk:
     def anywhere(self) -> Floats:
         """Return the unknowns of a random design within the bounds."""
         problem = self.trade.problem
-        share = self.rng.random(len(problem.names))
-        return self.trade.guess(problem.low + share * (problem.high - problem.low))
+        fractions = self.rng.random(len(problem.names))
+        return self.trade.guess(problem.low + fractions * (problem.high - problem.low))
 
     def end_of(self, objective: int) -> End | None:
         """Minimise one objective and then, at its best value, the others."""
@@ -120,8 +121,7 @@ class Walk:
     def follow(self, bounds: Floats, ends: list[End], on_progress: OnProgress) -> list[End | None]:
         """Minimise the first objective for each row of bounds.
 
-        If a row has no design, tighter bounds are taken to have none, unless a neighbour's leads
-        there.
+        If a row has no design, tighter bounds are only searched from a neighbour's design.
         """
         ends_of_rows: list[End | None] = [None] * len(bounds)
         empty: list[Floats] = []
@@ -141,13 +141,15 @@ class Walk:
     def sweep(
         self, ends: list[End | None], bounds: Floats, number: int, on_progress: OnProgress
     ) -> bool:
-        """Search each point from its neighbour's end, from the last to the first, or in reverse if
-        the number is odd, and return whether a point improved. Sweep 0 also searches some points
-        from random designs."""
+        """Search each point from its neighbour's result, and return whether a point improved.
+
+        The sweep runs from the last point to the first, or in reverse if its number is odd. Sweep 0
+        also searches some points from random designs.
+        """
         count, step = len(bounds), -1 if number % 2 else 1
         better = False
-        for done, n in enumerate(range(count)[::-step]):
-            on_progress(min(count + done, 2 * count), 2 * count)
+        for count_done, n in enumerate(range(count)[::-step]):
+            on_progress(min(count + count_done, 2 * count), 2 * count)
             near = ends[n + step] if 0 <= n + step < count else None
             starts: list[Floats | End] = [] if near is None else [near]
             if number == 0 and n % RANDOM_START_EVERY == RANDOM_START_EVERY // 2:
@@ -157,20 +159,20 @@ class Walk:
         return better
 
     def improve(
-        self, known: End | None, n: int, most: Floats, starts: Sequence[Floats | End]
+        self, previous: End | None, n: int, most: Floats, starts: Sequence[Floats | End]
     ) -> End | None:
-        """Return the best of point n's known end and the ends that are found from the starts."""
-        tried = [known]
+        """Return the best of point n's previous result and the results from the starts."""
+        candidates = [previous]
         for start in starts:
             key = n, (start.unknowns if isinstance(start, End) else start).tobytes()
-            if key not in self.asked:
-                self.asked.add(key)
-                tried.append(self.least(self.first, most, start))
-        return best_of(tried, self.first)
+            if key not in self.searched:
+                self.searched.add(key)
+                candidates.append(self.least(self.first, most, start))
+        return best_of(candidates, self.first)
 
 
 def best_of(ends: list[End | None], objective: int) -> End | None:
-    """The end with the least of an objective; among equal ones, the first."""
+    """The result with the least value of an objective; the first of equal ones."""
     best = None
     for end in ends:
         if end is not None and (
@@ -181,7 +183,7 @@ def best_of(ends: list[End | None], objective: int) -> End | None:
 
 
 def pareto_front(
-    space: Space, count: int, seed: int, on_progress: OnProgress = lambda done, whole: None
+    space: Space, count: int, seed: int, on_progress: OnProgress = lambda count_done, total: None
 ) -> Front:
     """Find about `count` points on the front of a space's two or three objectives.
 
@@ -191,24 +193,24 @@ def pareto_front(
     first = trade.objectives.index(space.objectives[0])
     walk = Walk(trade, first, seed)
     ends = [walk.end_of(objective) for objective in range(len(trade.objectives))]
-    known = [end for end in ends if end is not None]
-    if len(known) < len(ends):
+    previous = [end for end in ends if end is not None]
+    if len(previous) < len(ends):
         return measure_ends(walk, [])
-    bounds = bounds_between(known, first, count)
-    followed = walk.follow(bounds, known, on_progress)
-    return measure_ends(walk, [*(end for end in followed if end is not None), *known])
+    bounds = bounds_between(previous, first, count)
+    followed = walk.follow(bounds, previous, on_progress)
+    return measure_ends(walk, [*(end for end in followed if end is not None), *previous])
 
 
 def bounds_between(ends: list[End], first: int, count: int) -> Floats:
-    """Return rows of bounds, spaced evenly over the front's extent in all objectives but the first,
-    whose bound is infinite; consecutive rows are neighbours."""
+    """Return rows of bounds, evenly spaced over the front's extent in all objectives except the
+    first, whose bound is infinite; consecutive rows are neighbours."""
     costs = np.array([end.costs for end in ends])
     others = [n for n in range(costs.shape[1]) if n != first]
     side = round(count ** (1 / len(others)))
-    lines = [np.linspace(costs[:, n].max(), costs[:, n].min(), side) for n in others]
+    axes = [np.linspace(costs[:, n].max(), costs[:, n].min(), side) for n in others]
     rows = []
-    for turn, outer in enumerate(product(*lines[:-1])):
-        line = lines[-1] if turn % 2 == 0 else lines[-1][::-1]
+    for turn, outer in enumerate(product(*axes[:-1])):
+        line = axes[-1] if turn % 2 == 0 else axes[-1][::-1]
         rows += [(*outer, last) for last in line]
     bounds = np.full((len(rows), costs.shape[1]), np.inf)
     bounds[:, others] = np.array(rows)
@@ -216,7 +218,7 @@ def bounds_between(ends: list[End], first: int, count: int) -> Floats:
 
 
 def measure_ends(walk: Walk, ends: list[End]) -> Front:
-    """Return the ends that are on the front by their measures."""
+    """Measure the results, and return those that are on the front."""
     trade, first = walk.trade, walk.first
     names = trade.objectives
     designs, measures, prices, ends_kept, left_out = [], [], [], [], 0
@@ -249,7 +251,7 @@ def measure_ends(walk: Walk, ends: list[End]) -> Front:
 
 
 def distinct(trade: Trade, measures: Floats) -> NDArray[np.bool_]:
-    """Whether each design (n,) is beaten by no other design and equal to no earlier one."""
+    """Whether no other design is better, and no earlier one is equal: (n,)."""
     costs = trade.costs_of_measures(measures)
     keep = np.ones(len(costs), dtype=bool)
     for n in range(len(costs)):
@@ -264,8 +266,9 @@ def distinct(trade: Trade, measures: Floats) -> NDArray[np.bool_]:
 def columns(pareto: Front) -> dict[str, NDArray[Any]]:
     """The front as a table: variables, measures, prices and active constraints.
 
-    A price is in the units of the first objective for one unit of the other: the column
-    u_roll_urad_per_head_mm is the reduction of the uncertainty by another millimetre of head, urad.
+    A price is in units of the first objective per unit of the other one. The column
+    u_roll_urad_per_head_mm, for example, is the reduction of the uncertainty of roll, urad, by
+    another millimetre of the head's diameter.
     """
     names, first = pareto.objectives, pareto.walk.first
     table: dict[str, NDArray[Any]] = {"point": np.arange(len(pareto.designs))}
@@ -284,11 +287,11 @@ def columns(pareto: Front) -> dict[str, NDArray[Any]]:
 
 
 def is_objective(group: str) -> bool:
-    """Whether a group of constraints is only the objective itself."""
+    """Whether a group of constraints is the objective itself."""
     return group.endswith("as low as it can be")
 
 
-#: Points of a front that a short table shows, from one end to the other.
+#: Number of points of a front in a short table, from one end to the other.
 SHOWN_POINTS = 11
 
 

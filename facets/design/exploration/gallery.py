@@ -1,4 +1,4 @@
-"""The designs on a page or in a choice: the sensor as it is, the front, and some others."""
+"""The designs that a page shows: the present sensor, the front, and some others."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from .survey import SKIPPED
 if TYPE_CHECKING:
     from ...core.settings import Config
 
-#: Largest numbers of designs of the front, and of other designs, on a page.
+#: Largest numbers of designs on a page: of the front, and others.
 FRONT, OTHERS = 200, 400
 Table = dict[str, NDArray[Any]]
 
 
 def present_design(space: Space) -> tuple[Floats, Floats, str]:
-    """Return the present sensor's variables, its measures, and why some measures are missing."""
+    """Return the present sensor's variables, its measures, and the reason if some are missing."""
     fixed = replace(space, layout=replace(space.layout, variables={}))
     why, values = measure_design(fixed, np.empty(0))
     now = present_values(space.sensor)
@@ -42,49 +42,49 @@ def spread_numbers(count: int, most: int) -> NDArray[np.int64]:
 
 
 def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, list[Sensor]]:
-    """Return a table of the present design, the front's and some others, and the sensors of all, in
-    manufacturable values.
+    """Return a table of the present design, the front's designs and some others, and all their
+    sensors, in manufacturable values.
 
-    front, others: tables with the variables and measures; the front's `holds_it_back` may name
-    active constraints.
+    front, others: tables with the variables and measures; the front's column `holds_it_back` may
+    name active constraints.
     """
     names = [*space.names, *MEASURES]
     x, values, _ = present_design(space)
     shown = spread_numbers(len(front[names[0]]), FRONT)
     titles = [f"front {n}" for n in front.get("point", front.get("design", shown))[shown]]
     remarks = front.get("holds_it_back", np.full(len(front[names[0]]), ""))[shown].tolist()
-    some = np.empty(0, dtype=np.int64)
+    chosen = np.empty(0, dtype=np.int64)
     if others is not None:
-        some = choose_others(space, front, others)
-        titles += [f"design {n}" for n in others["design"][some]]
+        chosen = choose_others(space, front, others)
+        titles += [f"design {n}" for n in others["design"][chosen]]
     rows = np.stack(
         [
-            np.concatenate([front[name][shown], *([others[name][some]] if others else [])])
+            np.concatenate([front[name][shown], *([others[name][chosen]] if others else [])])
             for name in names
         ],
         axis=1,
     )
-    every = np.concatenate([np.append(x, values)[None], round_designs(space, rows)])
-    table: Table = {name: every[:, n].astype(float) for n, name in enumerate(names)}
-    table["kind"] = np.array(["own"] + ["front"] * len(shown) + ["other"] * len(some))
+    every_row = np.concatenate([np.append(x, values)[None], round_designs(space, rows)])
+    table: Table = {name: every_row[:, n].astype(float) for n, name in enumerate(names)}
+    table["kind"] = np.array(["own"] + ["front"] * len(shown) + ["other"] * len(chosen))
     table["title"] = np.array(["as it is", *titles])
-    table["remark"] = np.array(["", *remarks] + [""] * len(some))
-    sensors = [sensor_of(space.sensor, space.names, row[: len(space.names)]) for row in every[1:]]
+    table["remark"] = np.array(["", *remarks] + [""] * len(chosen))
+    sensors = [
+        sensor_of(space.sensor, space.names, row[: len(space.names)]) for row in every_row[1:]
+    ]
     return table, [space.sensor, *sensors]
 
 
 def choose_others(space: Space, front: Table, others: Table) -> NDArray[np.int64]:
-    """Numbers of some designs that have all objectives and are not on the front."""
-    whole = np.all([np.isfinite(others[n]) for n in space.objectives], axis=0)
-    known = np.flatnonzero(whole & ~np.isin(others["design"], front.get("design", [])))
-    return known[spread_numbers(len(known), OTHERS)] if len(known) else known
+    """Row numbers of some designs that have all objectives and are not on the front."""
+    complete = np.all([np.isfinite(others[n]) for n in space.objectives], axis=0)
+    candidates = np.flatnonzero(complete & ~np.isin(others["design"], front.get("design", [])))
+    return candidates[spread_numbers(len(candidates), OTHERS)] if len(candidates) else candidates
 
 
 def round_designs(space: Space, rows: Floats) -> Floats:
-    """Round designs (n, all) to manufacturable values and measure them again.
-
-    A design that would then lack a measure stays unrounded.
-    """
+    """Round designs, rows of variables and measures, to manufacturable values, and measure them
+    again. A design that would then lack a measure stays unrounded."""
     count = len(space.names)
     x = np.array([round_to_steps(space, row[:count]) for row in rows]).reshape(-1, count)
     if not len(x):
@@ -100,7 +100,7 @@ def round_to_steps(space: Space, x: Floats) -> Floats:
 
 
 def texts_of(settings: Config, sensors: list[Sensor], folder: Any) -> list[str]:
-    """The YAML of each sensor, as an extension of the configuration, in manufacturable values."""
+    """The YAML of each sensor, as an extension of the configuration."""
     from ..results.changes import (
         base_of,
         changed_keys,
@@ -116,15 +116,15 @@ def texts_of(settings: Config, sensors: list[Sensor], folder: Any) -> list[str]:
 
 
 def best_of(table: Table, objectives: list[str], mask: Booleans) -> Table:
-    """The designs of a table that a mask selects, sorted by the first objective."""
-    some = {name: column[mask] for name, column in table.items()}
-    order = np.argsort(some[objectives[0]], kind="stable")
-    return {name: column[order] for name, column in some.items()}
+    """The designs that the mask selects, sorted by the first objective."""
+    chosen = {name: column[mask] for name, column in table.items()}
+    order = np.argsort(chosen[objectives[0]], kind="stable")
+    return {name: column[order] for name, column in chosen.items()}
 
 
 def choose_design(settings: Config, space: Space, file: Path, number: int) -> Floats:
-    """Read the variables of one design of front.csv, or point of pareto.csv, that an earlier run of
-    the configuration wrote. Raises `InputError`."""
+    """Read the variables of one design from the front.csv or pareto.csv of an earlier run of the
+    configuration. Raises `InputError`."""
     if not file.is_file():
         raise InputError(f"{file}: no such file; run `facets explore` first, or name its folder "
                          "by --folder")  # fmt: skip
@@ -138,17 +138,17 @@ def read_design(file: Path, key: str, names: list[str], number: int) -> Floats:
     table = join_columns([chunk.columns for chunk in read_chunks(file, [key, *names])])
     rows = np.flatnonzero(table[key] == number)
     if not len(rows):
-        some = ", ".join(f"{n:.0f}" for n in table[key][:8])
-        raise InputError(f"{file}: has no {key} {number}; it has {some} and so on")
+        first_numbers = ", ".join(f"{n:.0f}" for n in table[key][:8])
+        raise InputError(f"{file}: has no {key} {number}; it has {first_numbers} and so on")
     return np.array([table[name][rows[0]] for name in names])
 
 
 def make_buildable(space: Space, x: Floats) -> tuple[Floats, list[str]]:
-    """Round a design to manufacturable values if it remains valid; also return the loss, or the
-    reason for not rounding, as sentences."""
-    made = round_to_steps(space, x)
-    (_, exact), (why, values) = measure_design(space, x), measure_design(space, made)
+    """Round a design to manufacturable values if it remains valid; also return sentences on the
+    loss, or on the reason for not rounding."""
+    rounded = round_to_steps(space, x)
+    (_, exact), (why, values) = measure_design(space, x), measure_design(space, rounded)
     if why:
         return x, [f"The design was not rounded to manufacturable values: {SKIPPED[why]}"]
     places = [(name, MEASURES.index(name)) for name in space.objectives]
-    return made, [f"{n}: {exact[i]:.4g} as found, {values[i]:.4g} rounded" for n, i in places]
+    return rounded, [f"{n}: {exact[i]:.4g} as found, {values[i]:.4g} rounded" for n, i in places]

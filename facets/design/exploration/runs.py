@@ -1,8 +1,8 @@
 """Exploration of a design space on one machine or many.
 
-Designs are numbered, so that any part of them can be made again anywhere: a part is some hundred
-designs, goes to a worker as a number, and comes back as a table that is written at once. A run that
-was interrupted continues with the missing parts.
+Designs are numbered, so that any process can make any part of them. A part consists of some hundred
+designs; a worker gets its number and returns a table, which is written at once. An interrupted run
+continues with the missing parts.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ if TYPE_CHECKING:
     from ...characterization.sensitivity import Index
     from ...core.settings import Config
 
-#: A process gets this much work at least, s of processor time: its start takes about one.
+#: Least work of a process, s of processor time, because its start takes about one second.
 LEAST_WORK_S = 2.0
 #: Interval at which a worker checks that its parent still runs, s.
 PARENT_CHECK_INTERVAL_S = 1.0
 
 
 def search_of(space: Space) -> dict[str, str]:
-    """What must be the same, beside the configuration, for a run to continue in a folder."""
-    asked = f"{space.count} {space.seed} {space.required} parts of {space.part}"
-    return {"search": f"{asked} {' '.join(space.objectives)}"}
+    """The settings, in addition to the configuration, that two runs in one folder must share."""
+    numbers = f"{space.count} {space.seed} {space.required} parts of {space.part}"
+    return {"search": f"{numbers} {' '.join(space.objectives)}"}
 
 
 def require_same(settings: Config, folder: Path, force: bool) -> None:
-    """Raise `InputError` if a folder has designs of another configuration, unless `force`, which
-    deletes them."""
+    """Raise `InputError` if a folder has designs of another configuration; with `force`, delete
+    them instead."""
     tabled = [folder / name for name in ("front.csv", "pareto.csv")]
     remedy = "use --force to start again, or --folder to name another folder"
     for file in [*parts_in(folder)[:1], *(file for file in tabled if file.exists())]:
@@ -62,10 +62,7 @@ def require_same(settings: Config, folder: Path, force: bool) -> None:
 
 
 def prepare(folder: Path, space: Space, force: bool = False) -> None:
-    """Check whether a search can continue in a folder; `force` deletes an older search.
-
-    Raises `OutputError` if the folder holds another search.
-    """
+    """Raise `OutputError` if the folder holds another search; `force` deletes an older search."""
     if force:
         shutil.rmtree(folder / "parts", ignore_errors=True)
     for part in parts_in(folder)[:1]:
@@ -88,23 +85,23 @@ def explore(
     folder: Path,
     about: dict[str, str],
     scheduler: str | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, whole: None,
+    on_progress: Callable[[int, int], None] = lambda finished_count, total: None,
 ) -> None:
     """Write a Parquet file for each missing part.
 
-    scheduler: address of a Dask cluster; by default all cores of this machine compute.
+    scheduler: address of a Dask cluster; None for the cores of this machine.
     """
-    for torn in (folder / "parts").glob(".*.parquet"):  # by a run that was killed
-        torn.unlink()
+    for incomplete in (folder / "parts").glob(".*.parquet"):  # from a run that was killed
+        incomplete.unlink()
     firsts = range(0, len(designs(space)), space.part)
     missing = [first for first in firsts if not part_path(folder, first).exists()]
-    done = len(firsts) - len(missing)
-    on_progress(done, len(firsts))
-    made = run_on_cluster if scheduler else run_in_processes
-    for first, table in made(space, missing, scheduler or ""):
+    finished_count = len(firsts) - len(missing)
+    on_progress(finished_count, len(firsts))
+    tables = run_on_cluster if scheduler else run_in_processes
+    for first, table in tables(space, missing, scheduler or ""):
         write_part(space, folder, first, table, about)
-        done += 1
-        on_progress(done, len(firsts))
+        finished_count += 1
+        on_progress(finished_count, len(firsts))
 
 
 def part_path(folder: Path, first: int) -> Path:
@@ -114,8 +111,8 @@ def part_path(folder: Path, first: int) -> Path:
 def run_in_processes(
     space: Space, firsts: list[int], _: str
 ) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Yield parts as they are finished, from this process, or from several if there is enough to
-    do."""
+    """Yield parts as they are finished, from this process, or from several if there is enough
+    work."""
     if not firsts:
         return
     measure_design(space, designs(space)[0])  # compiled once, before the processes begin
@@ -135,15 +132,15 @@ def run_in_processes(
             for job in as_completed(jobs):
                 yield jobs[job], job.result()
         except BaseException:
-            for worker in active_children():  # the next run makes their unfinished parts again
+            for worker in active_children():  # the next run makes the unfinished parts
                 worker.terminate()
             pool.shutdown(cancel_futures=True)
             raise
 
 
 def serve(parent: int) -> None:
-    """Make a worker ignore signals, which its parent handles, and end when the parent has ended."""
-    for name in ("SIGINT", "SIGHUP"):  # a terminal sends them to all; the parent ends its workers
+    """Make a worker ignore signals, which its parent handles, and end with its parent."""
+    for name in ("SIGINT", "SIGHUP"):  # a terminal sends them to all processes
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
 
@@ -158,8 +155,8 @@ def serve(parent: int) -> None:
 def run_on_cluster(
     space: Space, firsts: list[int], address: str
 ) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Yield parts as a cluster finishes them; parts of a lost worker are made again, and a new
-    worker takes part."""
+    """Yield parts as a cluster finishes them; it repeats the parts of a lost worker and uses new
+    workers."""
     with client_of(address) as client:
         from dask.distributed import as_completed as completed
 
@@ -182,9 +179,9 @@ def client_of(address: str) -> Any:
 def cluster_words(address: str) -> str:
     """Describe a cluster: its number of workers and its dashboard's address."""
     with client_of(address) as client:
-        known = client.scheduler_info(n_workers=-1)
-        place = f"{len(known['workers'])} workers at {address}"
-        if "dashboard" not in known.get("services", {}):
+        information = client.scheduler_info(n_workers=-1)
+        place = f"{len(information['workers'])} workers at {address}"
+        if "dashboard" not in information.get("services", {}):
             return f"{place}; the scheduler has no dashboard"
         return f"{place}; dashboard {client.dashboard_link}"
 
@@ -203,8 +200,8 @@ def collect(folder: Path) -> dict[str, NDArray[Any]]:
 
 
 def collect_older(space: Space, folder: Path) -> dict[str, NDArray[Any]] | None:
-    """Read the designs of an earlier run in a folder; None if none of them has the space's
-    variables and objectives."""
+    """Read the designs of an earlier run in a folder; None if they lack the space's variables or
+    objectives."""
     if not parts_in(folder):
         return None
     table = collect(folder)
@@ -215,13 +212,13 @@ def summary(
     table: dict[str, NDArray[Any]], best: Booleans, objectives: Sequence[str],
     indices: dict[str, dict[str, Index]], seconds: float,
 ) -> list[str]:  # fmt: skip
-    """Summarise a table of designs: how many were skipped and why, how many are on the front, and
-    which variable affects which objective.
+    """Sentences on a table of designs: numbers of skipped designs by reason, number of designs on
+    the front, and the sensitivity of each objective to the variables.
 
     seconds: duration of the run.
     """
-    skipped, each = table["skipped"], 1e3 * np.median(table["seconds"])
-    lines = [f"{len(skipped)} designs, {seconds:.1f} s in this run, {each:.2f} ms each"]
+    skipped, duration = table["skipped"], 1e3 * np.median(table["seconds"])
+    lines = [f"{len(skipped)} designs, {seconds:.1f} s in this run, {duration:.2f} ms each"]
     for reason in np.unique(skipped):
         lines.append(f"  {(skipped == reason).sum():7} {reason or 'looked at'}")
     lines.append(f"{int(best.sum())} are beaten by none in {', '.join(objectives)}")

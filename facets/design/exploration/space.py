@@ -1,4 +1,4 @@
-"""A design space and the measures of its designs: ranges and resolutions."""
+"""A design space, and the measures of its designs: ranges, uncertainties and conditioning."""
 
 from __future__ import annotations
 
@@ -43,10 +43,9 @@ if TYPE_CHECKING:
     from ...core.layout import Layout
     from ...core.settings import Config
 
-#: Number of designs that a worker measures at a time, unless they are plain.
+#: Number of designs of a worker's task, unless they are plain.
 DESIGNS_PER_TASK = 200
-#: A task of plain designs has up to this many times as many designs, if at least this many tasks
-#: remain.
+#: A task of plain designs is larger by up to this factor, if that leaves at least this many tasks.
 LARGEST_FACTOR, LEAST_TASKS = 50, 100
 #: Tolerance of a design's ranges, in units of `ranges.FARTHEST_MM_RAD`.
 FINE_ENOUGH = 1e-5
@@ -60,10 +59,10 @@ AT_RANGES = slice(1, 7)
 
 @dataclass(frozen=True)
 class Space:
-    """The design space and how it is sampled.
+    """A design space, and the way in which it is sampled.
 
-    count: of designs.  part: designs a task.  objectives: of the front.  required: whether designs
-    must keep the layout's requirements over its volume.
+    count: number of designs.  part: number of designs of a task.  objectives: of the front.
+    required: whether designs must meet the layout's requirements over its volume.
     """
 
     sensor: Sensor
@@ -81,21 +80,21 @@ class Space:
 
     @cached_property
     def volume(self) -> Floats:
-        """States (n, 8): corners, faces and centre of the layout's volume, as of `volume`."""
+        """States (n, 8), mm and rad: corners, faces and centre of the layout's volume."""
         return np.array(states_of(self.layout, 1.0), dtype=float)
 
     @property
     def plain(self) -> bool:
-        """Whether its designs are measured many at once (`survey`)."""
+        """Whether `survey` can measure many of its designs at once."""
         return not self.required and is_plain(self.sensor, self.rules)
 
 
 def space_of(
     settings: Config, objectives: Sequence[str], count: int, seed: int, required: bool = False
 ) -> Space:
-    """The space of a configuration; a task has as many designs as take about a second.
+    """Make the space of a configuration, with as many designs in a task as take about a second.
 
-    Raises `InputError` for an unknown objective, or if no variable may vary.
+    Raises `InputError` for an unknown objective, or if there are no variables.
     """
     unknown = [name for name in objectives if name not in MEASURES]
     if unknown:
@@ -123,36 +122,36 @@ def designs(space: Space) -> Floats:
 @lru_cache(1)  # one table serves all parts of a worker
 def draw(bounds: tuple[tuple[float, float], ...], count: int, seed: int) -> Floats:
     """Draw designs within bounds by a Sobol' sequence."""
-    shares = Sobol(len(bounds), np.random.default_rng(seed)).draw(count)
+    fractions = Sobol(len(bounds), np.random.default_rng(seed)).draw(count)
     low, high = np.array(bounds).T
-    values: Floats = low + shares * (high - low)
+    values: Floats = low + fractions * (high - low)
     return values
 
 
 def saturates(sensor: Sensor, states: Floats) -> bool:
-    """Whether an electrode's current exceeds the share of the amplifier's full scale that the
-    optimiser allows; never without electronics."""
+    """Whether an electrode's current exceeds the fraction of the amplifier's full scale that the
+    optimiser allows; false without electronics."""
     return bool((fullness(sensor, readings(sensor, states)) > FULL).any())
 
 
 def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
-    """Return whether the design keeps all the layout's requirements at states of the volume."""
+    """Whether the design meets all the layout's requirements at states of the volume."""
     if 2 * max(psd.radius for psd in sensor.psds) > layout.head:
         return False
     if saturates(sensor, states):
         return False
-    asked = Requirement(layout, states, rim=bool(np.isfinite(sensor.apertures.rim)))
-    if not margins_of(asked, sensor).min() > 0:
+    requirement = Requirement(layout, states, rim=bool(np.isfinite(sensor.apertures.rim)))
+    if not margins_of(requirement, sensor).min() > 0:
         return False
-    between = replace(asked, states=worst_places_of(asked, sensor))
+    between = replace(requirement, states=worst_places_of(requirement, sensor))
     return not len(between.states) or bool(margins_of(between, sensor).min() > 0)
 
 
 def reason_at_rest(space: Space, sensor: Sensor) -> int:
-    """The place in SKIPPED of why a design is skipped before its uncertainties are known; else
+    """The number in SKIPPED of a reason that is visible before the uncertainties are computed, or
     0."""
-    rest, least = np.zeros((1, 8)), space.layout.least_power
-    if why := int(rest_reasons(margins(sensor, rest), readings(sensor, rest), least)[0]):
+    rest, least_power = np.zeros((1, 8)), space.layout.least_power
+    if why := int(rest_reasons(margins(sensor, rest), readings(sensor, rest), least_power)[0]):
         return why
     if saturates(sensor, rest):
         return OVERLOADED
@@ -160,7 +159,8 @@ def reason_at_rest(space: Space, sensor: Sensor) -> int:
 
 
 def measure_design(space: Space, x: Floats, tolerance: float = FINE_ENOUGH) -> tuple[int, Floats]:
-    """Measure a design: the place in SKIPPED of why it is skipped, and its measures, else NaN.
+    """Measure a design; return the number in SKIPPED of the reason to skip it, or 0, and its
+    measures, which are NaN as far as they were not computed.
 
     tolerance: of its ranges, in units of `ranges.FARTHEST_MM_RAD`.
     """
@@ -184,44 +184,45 @@ def measure_design(space: Space, x: Floats, tolerance: float = FINE_ENOUGH) -> t
     return 0, values
 
 
-def measure_designs(space: Space, some: Floats) -> tuple[Integers, Floats]:
-    """Measure designs (n, variables): why each is skipped, and its measures (n, MEASURES).
+def measure_designs(space: Space, rows: Floats) -> tuple[Integers, Floats]:
+    """Measure designs (n, variables); return the reasons (n,) to skip them and their measures
+    (n, MEASURES), as `measure_design` does.
 
-    Those of a plain sensor are measured many at once, others, and invalid ones, one by one.
+    Valid designs of a plain sensor are measured many at once, all others one by one.
     """
     if space.plain:
         possible, why, values = measure_plain(
-            space.sensor, space.rules, space.names, some, space.layout.least_power, FINE_ENOUGH
+            space.sensor, space.rules, space.names, rows, space.layout.least_power, FINE_ENOUGH
         )
     else:
-        possible, why = np.zeros(len(some), dtype=bool), np.zeros(len(some), dtype=np.int64)
-        values = np.full((len(some), len(MEASURES)), np.nan)
+        possible, why = np.zeros(len(rows), dtype=bool), np.zeros(len(rows), dtype=np.int64)
+        values = np.full((len(rows), len(MEASURES)), np.nan)
     for n in np.flatnonzero(~possible).tolist():
-        why[n], values[n] = measure_design(space, some[n])
+        why[n], values[n] = measure_design(space, rows[n])
     return why, values
 
 
 def part_of(space: Space, first: int) -> dict[str, Any]:
-    """Return the table of the part that begins with design number `first`."""
-    some, begin = designs(space)[first : first + space.part], time.perf_counter()
-    why, values = measure_designs(space, some)
-    seconds = np.full(len(some), (time.perf_counter() - begin) / len(some))
-    columns: dict[str, Any] = {"design": first + np.arange(len(some))}
-    columns |= {name: some[:, i] for i, name in enumerate(space.names)}
+    """Measure the part of the designs that begins with number `first`; return its table."""
+    rows, begin = designs(space)[first : first + space.part], time.perf_counter()
+    why, values = measure_designs(space, rows)
+    seconds = np.full(len(rows), (time.perf_counter() - begin) / len(rows))
+    columns: dict[str, Any] = {"design": first + np.arange(len(rows))}
+    columns |= {name: rows[:, i] for i, name in enumerate(space.names)}
     columns["skipped"] = np.array(SKIPPED)[why]
     columns |= {name: values[:, i] for i, name in enumerate(MEASURES)}
     return columns | {"seconds": seconds}
 
 
 def front(table: dict[str, NDArray[Any]], objectives: Sequence[str]) -> Booleans:
-    """Which designs no other one beats in all objectives; ranges are maximised, others
+    """Whether no other design is at least as good in all objectives; ranges are maximised, others
     minimised."""
     signs = [-1.0 if name.startswith("range") else 1.0 for name in objectives]
     costs = np.stack([s * table[n] for s, n in zip(signs, objectives, strict=True)], axis=1)
     best = np.zeros(len(costs), dtype=bool)
-    known = np.flatnonzero(np.isfinite(costs).all(axis=1))
-    remaining = known[np.lexsort(costs[known].T[::-1])]
-    while len(remaining):  # the first is beaten by none that follow; what it beats goes
+    complete = np.flatnonzero(np.isfinite(costs).all(axis=1))
+    remaining = complete[np.lexsort(costs[complete].T[::-1])]
+    while len(remaining):  # no later design beats the first one; remove those that it beats
         first = remaining[0]
         best[first] = True
         beaten = (costs[remaining] >= costs[first]).all(axis=1)

@@ -1,8 +1,8 @@
-"""Measures of many designs at once, as `space.measure_design` measures each plain sensor.
+"""Measures of many plain sensors at once, equal to those of `space.measure_design`.
 
-A design is a row of its sensor's 30 parameters and of its detectors' sizes; the model computes all
-designs in one call (`model.many`). Their ranges are found as `characterization.ranges` finds those
-of one sensor.
+A design is a row with its sensor's 30 parameters and its detectors' sizes; the model evaluates all
+designs in one call (`model.many`). The ranges follow from the same search as those of one sensor in
+`characterization.ranges`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from ...model.kinds import kind_of
 from ...model.many import evaluate, vectors_of
 from ..variables import FACETS, PSDS, layout_parameters
 
-#: Reasons to skip a design; "" for a measured one.
+#: Reasons to skip a design; "" for a design that is measured.
 SKIPPED = (
     "",
     "spot beside the PSD at rest",
@@ -51,24 +51,25 @@ SKIPPED = (
     "too coarse at rest",
     "amplifier past its full scale at rest",
 )
-BESIDE, DIM, INVALID, UNFIT, NEAR_SINGULAR, TOO_COARSE, OVERLOADED = range(1, 8)
-#: The reason for a design that is outside its own range at rest, by the range's limit.
-OUTSIDE = {PSD: BESIDE, LIGHT: DIM, SATURATED: OVERLOADED, SINGULAR: NEAR_SINGULAR,
+OFF_DETECTOR, DIM, INVALID, UNFIT, NEAR_SINGULAR, TOO_COARSE, OVERLOADED = range(1, 8)
+#: Reason to skip a design that is outside its own range at rest, by the limit that it violates.
+OUTSIDE = {PSD: OFF_DETECTOR, LIGHT: DIM, SATURATED: OVERLOADED, SINGULAR: NEAR_SINGULAR,
            COARSE: TOO_COARSE}  # fmt: skip
 #: Factors from mm and rad to mm and mrad, by axis of the pose.
 FAR = 1 / np.array(STATE_UNITS[:6])
-#: Number of designs that are measured at a time: their states fit into the processor's cache.
+#: Number of designs that are measured at a time, so that their states fit into the processor's
+#: cache.
 CHUNK = 50
-#: Once glibc has freed a block of this size, it keeps smaller freed ones for the next use. Returned
-#: to the system, the memory of each chunk would come back page by page, a third of the time.
+#: Once glibc has freed a block of this size, it keeps smaller freed blocks for the next use. If it
+#: returned them to the system, mapping each chunk's memory again would take a third of the time.
 KEPT_BYTES = 3 * 2**23
 
 
 class Designs(NamedTuple):
-    """Plain sensors side by side.
+    """n plain sensors.
 
-    vectors (n, m): from `many.vectors_of`.  limits (n, 3, 5): from `arrays.edge_limits`, mm.
-    sensor, rules: the noise and the least light that all designs share.
+    vectors: (n, m) from `many.vectors_of`.  limits: (n, 3, 5) from `arrays.edge_limits`, mm.
+    sensor, rules: the noise and the least light, which are common to all designs.
     """
 
     vectors: Floats
@@ -85,10 +86,10 @@ class Designs(NamedTuple):
         return evaluate(name, self.vectors, owner, np.zeros((len(owner), 8)))
 
     def margins(self, owner: Integers, poses: Floats) -> Floats:
-        """The margins (k, 5) of `ranges.clearances` of designs `owner` (k,), in ascending order, at
+        """The margins (k, 5) of `ranges.clearances` of the designs `owner` (k,), ascending, at
         poses (k, 6).
 
-        The limits that need electronics or derivatives are infinitely far: see `is_plain`.
+        Limits that need electronics or derivatives are infinite, see `is_plain`.
         """
         states = states_of_poses(poses, self.rules)
         reading = evaluate("readings", self.vectors, owner, states)
@@ -100,7 +101,7 @@ class Designs(NamedTuple):
 
 
 def is_plain(sensor: Sensor, rules: Rules) -> bool:
-    """Return whether a sensor's ranges and uncertainties depend only on what `Designs` holds."""
+    """Whether a sensor's ranges and uncertainties depend only on the data in `Designs`."""
     return (
         kind_of(sensor) == "plain"
         and sensor.electronics is None
@@ -113,8 +114,8 @@ def is_plain(sensor: Sensor, rules: Rules) -> bool:
 def designs_of(
     sensor: Sensor, rules: Rules, names: Sequence[str], rows: Floats
 ) -> tuple[Designs, Floats, Booleans]:
-    """Make designs from values (n, variables) of the named variables; also return the heads'
-    diameters (n,), mm, and which rows (n,) are valid sensors: the designs hold only these."""
+    """Make designs from the valid rows of the named variables' values (n, variables); also return
+    the heads' diameters (n,), mm, and whether each row is valid (n,)."""
     count = len(rows)
     p, sizes = layout_parameters(sensor, names, list(rows.T))
     values = np.stack([np.broadcast_to(np.asarray(v, dtype=float), count) for v in p], axis=1)
@@ -122,10 +123,10 @@ def designs_of(
     if "size_mm" in names:
         halves[:] = np.stack([np.asarray(size) / 2 for size in sizes], axis=1)[:, :, None]
     possible = is_sensor(values) & (halves > 0).all(axis=(1, 2))
-    made = Designs(
+    designs = Designs(
         vectors_of(values[possible]), edge_limits(halves[possible], np.inf), sensor, rules
     )
-    return made, 2 * values[:, list(PSDS)].max(axis=1), possible
+    return designs, 2 * values[:, list(PSDS)].max(axis=1), possible
 
 
 def is_sensor(p: Floats) -> Booleans:
@@ -140,15 +141,15 @@ def is_sensor(p: Floats) -> Booleans:
     return is_valid
 
 
-def rest_reasons(distances: Floats, reading: Floats, least: float) -> Integers:
-    """Numbers (n,) of SKIPPED for designs at rest: 1 where a spot is not whole on its detector, 2
-    where a power is not above `least`, else 0.
+def rest_reasons(distances: Floats, reading: Floats, least_power: float) -> Integers:
+    """Numbers (n,) in SKIPPED for designs at rest: 1 if a spot is not completely on its detector, 2
+    if a power does not exceed `least_power`, else 0.
 
-    distances (n, 3, 5): of the spots from their limits, as of `margins`.  reading: (n, 9).
+    distances: (n, 3, 5) of the spots from their limits, see `margins`.  reading: (n, 9).
     """
-    beside = ~(least_of_rows(distances) > 0)
-    dim = ~(least_of_rows(reading[:, 2::3]) > least)
-    return np.where(beside, BESIDE, np.where(dim, DIM, 0))
+    is_off_detector = ~(least_of_rows(distances) > 0)
+    is_dim = ~(least_of_rows(reading[:, 2::3]) > least_power)
+    return np.where(is_off_detector, OFF_DETECTOR, np.where(is_dim, DIM, 0))
 
 
 def spectra(some: Designs, reading: Floats) -> tuple[Floats, Floats]:
@@ -161,7 +162,7 @@ def spectra(some: Designs, reading: Floats) -> tuple[Floats, Floats]:
 
 
 def symmetric_ranges(some: Designs, tolerance: float) -> Floats:
-    """Twice the nearer end of each axis's range, mm and mrad: (n, 6).
+    """The symmetric range of each axis (n, 6), mm and mrad: twice the distance of the nearer end.
 
     tolerance: in units of `FARTHEST_MM_RAD`.
     """
@@ -180,8 +181,8 @@ def measure_plain(
     sensor: Sensor, rules: Rules, names: Sequence[str], rows: Floats, least_power: float,
     tolerance: float,
 ) -> tuple[Booleans, Integers, Floats]:  # fmt: skip
-    """Measure designs (n, variables) of a plain sensor: which are valid sensors; why each is
-    skipped, by its number in SKIPPED; and its measures (n, 14), the head first."""
+    """Measure designs (n, variables) of a plain sensor; return whether each is a valid sensor (n,),
+    its number in SKIPPED (n,), and its measures (n, 14), the head's diameter first."""
     np.empty(KEPT_BYTES, dtype=np.uint8)
     some, heads, possible = designs_of(sensor, rules, names, rows)
     reasons, values = np.zeros(len(rows), dtype=np.int64), np.full((len(rows), 14), np.nan)
@@ -195,25 +196,25 @@ def measure_plain(
 
 
 def measure(some: Designs, least_power: float, tolerance: float) -> tuple[Integers, Floats]:
-    """Measure designs: why each is skipped, by its number in SKIPPED, and its measures (n, 13):
-    ranges, mm and mrad, uncertainties, um and urad, and the condition number.
+    """Measure designs; return their numbers in SKIPPED (n,) and their measures (n, 13): ranges, mm
+    and mrad, uncertainties, um and urad, and the condition number.
 
-    NaN where a measure was not reached.
+    Measures of a skipped design that were not computed are NaN.
     """
     reading = some.evaluate_rest("readings")
     distances = edge_distances(some.evaluate_rest("footprints"), some.limits)
     reasons = rest_reasons(distances, reading, least_power)
     values = np.full((len(reasons), 13), np.nan)
-    sound = np.flatnonzero(reasons == 0)
-    if not len(sound):
+    passing = np.flatnonzero(reasons == 0)
+    if not len(passing):
         return reasons, values
-    part = some.subset(sound)
-    values[sound, 6:12], values[sound, 12] = spectra(part, reading[sound])
-    clear = part.margins(np.arange(len(sound)), np.zeros((len(sound), 6)))
+    part = some.subset(passing)
+    values[passing, 6:12], values[passing, 12] = spectra(part, reading[passing])
+    clear = part.margins(np.arange(len(passing)), np.zeros((len(passing), 6)))
     outside = ~(clear.min(axis=1) > 0)
-    reasons[sound[outside]] = np.array([OUTSIDE[cause] for cause in range(len(CAUSES))])[
+    reasons[passing[outside]] = np.array([OUTSIDE[cause] for cause in range(len(CAUSES))])[
         clear[outside].argmin(axis=1)
     ]
     if not outside.all():
-        values[sound[~outside], :6] = symmetric_ranges(part.subset(~outside), tolerance)
+        values[passing[~outside], :6] = symmetric_ranges(part.subset(~outside), tolerance)
     return reasons, values

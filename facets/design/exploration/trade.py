@@ -1,8 +1,8 @@
 """The problem of designs that trade one objective of `exploration` against another.
 
-Its unknowns are the variables and the objectives themselves. A range extends as far as the spots
-stay on their detectors with enough light, at both ends and at a few places before them;
-uncertainties and the head are slacks above their least values.
+Its unknowns are the variables and the objectives themselves. Within a range the spots stay on their
+detectors with enough light; this is required at both ends and at a few positions between.
+Uncertainties and the head's size are slacks above their least values.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from ..volume import mirror_states, span_of
 from .space import MEASURES, Space, measure_design
 from .survey import FAR
 
-#: The measures that can be objectives here, since they have slopes.
+#: The measures that can be objectives here, because they have derivatives.
 OBJECTIVES = ("head_mm", *FINE_COLUMNS[:6], *RANGE_COLUMNS)
-#: Shares of the way from rest to the end of a range at which its limits are constraints.
-RANGE_SHARES = (0.25, 0.5, 0.75, 1.0)
-#: The scale of an objective, in its own unit, if the present sensor has no value.
+#: Fractions of the distance from rest to a range's end at which its limits are constraints.
+RANGE_FRACTIONS = (0.25, 0.5, 0.75, 1.0)
+#: Scale of an objective, in its own unit, if the present sensor has no value of it.
 USUAL_SCALE = 10.0
 
 
@@ -44,7 +44,7 @@ USUAL_SCALE = 10.0
 class Trade:
     """The problem, whose last unknowns are the objectives over their `scales`.
 
-    objectives: in the order of the unknowns.  signs: -1 for objectives to maximise.
+    objectives: names, in the order of the unknowns.  signs: -1 for objectives that are maximised.
     """
 
     space: Space
@@ -54,7 +54,7 @@ class Trade:
     signs: Floats
 
     def costs(self, unknowns: Floats) -> Floats:
-        """Return the objectives, all to minimise, over their scales."""
+        """Return the objectives over their scales, with the sign with which each is minimised."""
         costs: Floats = self.signs * unknowns[len(self.problem.names) :]
         return costs
 
@@ -74,18 +74,18 @@ class Trade:
     def guess(self, x: Floats) -> Floats:
         """Return the unknowns at a design, given in the units of the variables' names."""
         _, values = measure_design(self.space, x)
-        known = np.abs(self.costs_of_measures(values))
+        costs = np.abs(self.costs_of_measures(values))
         shares = (x - self.problem.low) / (self.problem.high - self.problem.low)
-        start = np.append(shares, np.where(np.isfinite(known), known, 0.1))
+        start = np.append(shares, np.where(np.isfinite(costs), costs, 0.1))
         return self.problem.fill_slacks(start)
 
 
 def require_smooth(space: Space) -> None:
-    """Raise `InputError` if an objective has no slope that a front could follow."""
+    """Raise `InputError` if an objective has no derivative that a front could follow."""
     unable = [name for name in space.objectives if name not in OBJECTIVES]
     if unable:
         raise InputError(
-            f"--front cannot follow {', '.join(unable)}; it knows {', '.join(OBJECTIVES)}"
+            f"--front cannot follow {', '.join(unable)}; it supports {', '.join(OBJECTIVES)}"
         )
     if not 2 <= len(set(space.objectives)) <= 3:
         raise InputError("--front takes two or three objectives: give --objective again")
@@ -104,13 +104,13 @@ def trade_of(space: Space) -> Trade:
     scales = dict(zip(objectives, scales_of(space, objectives), strict=True))
     states = states_of(space, ranges)
 
-    def constrain(unknowns: Floats, some: Floats) -> list[Constraint]:
+    def constrain(unknowns: Floats, points: Floats) -> list[Constraint]:
         variables = space.layout.variables
         halves = {
             name: scales[name] * unknowns[:, len(variables) + n, None] / 2
             for n, name in enumerate(ranges)
         }
-        x, state = values_between(variables, unknowns), ray_states(space, some, halves)
+        x, state = values_between(variables, unknowns), ray_states(space, points, halves)
         return trade_constraints(space, x, state, scales, states)
 
     problem = build_problem(space.sensor, space.layout.variables, objectives, constrain, states)
@@ -121,30 +121,30 @@ def trade_of(space: Space) -> Trade:
 
 
 def scales_of(space: Space, objectives: list[str]) -> list[float]:
-    """The scale of each objective: its value for the present sensor, within the bounds."""
+    """The scale of each objective: its value for the present sensor, moved into the bounds."""
     now = present_values(space.sensor)
     low, high = np.array([space.layout.variables[name] for name in space.names]).T
     x = np.clip([now[name] for name in space.names], low, high)
     values = measure_design(space, x)[1][[MEASURES.index(name) for name in objectives]]
-    usual: list[float] = np.where(np.isfinite(values) & (values > 0), values, USUAL_SCALE).tolist()
-    return usual
+    scales: list[float] = np.where(np.isfinite(values) & (values > 0), values, USUAL_SCALE).tolist()
+    return scales
 
 
 def states_of(space: Space, ranges: list[str]) -> Floats:
-    """The states (m, 16) of the constraints: each state's place in the volume (8), and its shares
-    of the ranges (8).
+    """The states (m, 16) of the constraints: a state of the volume (8), and fractions of the ranges
+    (8).
 
-    The first is rest; then those on the way to both ends of each range; then the volume's, if
-    required.
+    The first is rest, followed by those towards both ends of each range and, if required, by those
+    of the volume.
     """
     rows = [np.zeros(16)]
     for name in ranges:
         axis = RANGE_COLUMNS.index(name)
-        for share in (*RANGE_SHARES, *(-share for share in RANGE_SHARES)):
+        for fraction in (*RANGE_FRACTIONS, *(-fraction for fraction in RANGE_FRACTIONS)):
             row = np.zeros(16)
-            row[8 + axis] = share
+            row[8 + axis] = fraction
             if space.rules.tracking and axis < 2:
-                row[14 + axis] = share
+                row[14 + axis] = fraction
             rows.append(row)
     if space.required:
         rows += [np.append(state, np.zeros(8)) for state in space.volume]
@@ -152,8 +152,10 @@ def states_of(space: Space, ranges: list[str]) -> Floats:
 
 
 def ray_states(space: Space, states: Floats, halves: dict[str, Floats]) -> tuple[Any, ...]:
-    """Convert states (m, 16), of the volume or at shares of the ranges' halves (k, 1), mm and mrad,
-    to the arguments of `outcome_of`."""
+    """Convert states (m, 16) to the arguments of `outcome_of`.
+
+    halves: half of each range by name, (k, 1), mm and mrad.
+    """
     ends: list[Any] = [0.0] * 8
     for name, half in halves.items():
         axis = RANGE_COLUMNS.index(name)
@@ -165,14 +167,14 @@ def ray_states(space: Space, states: Floats, halves: dict[str, Floats]) -> tuple
         return places
     on_ray = states[:, 8:].any(axis=1)
     following = np.where(on_ray, space.rules.tracking, space.layout.following)
-    whole = np.stack(np.broadcast_arrays(*places), axis=-1)
-    return columns_of_states(mirror_states(whole, space.layout.object, following))
+    volume_states = np.stack(np.broadcast_arrays(*places), axis=-1)
+    return columns_of_states(mirror_states(volume_states, space.layout.object, following))
 
 
 def trade_constraints(
     space: Space, x: list[Any], state: Any, scales: dict[str, float], states: Floats
 ) -> list[Constraint]:
-    """List a design's requirements, and the quantities that must stay below the objectives."""
+    """List a design's constraints: its requirements, and the bounds that are the objectives."""
     values = evaluate_layouts(space.sensor, space.names, x, state, space.layout.object)
     fixed, at, outcome, heads = values.fixed, values.at, values.outcome, values.heads
     given_sizes = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
@@ -185,8 +187,8 @@ def trade_constraints(
         *(Constraint("light on a facet, rim", each) for each in rims),
         *(
             Constraint(f"spot on PSD {'ABC'[k]} {EDGES[edge]} edge", each / half)
-            for (k, edge), several in corner_clearances(fixed, at, sizes).items()
-            for each in several
+            for (k, edge), clearances in corner_clearances(fixed, at, sizes).items()
+            for each in clearances
         ),
         *reach_limits(space, outcome, states),
         *volume_limits(space, outcome, heads, states),
@@ -195,17 +197,17 @@ def trade_constraints(
 
 
 def reach_limits(space: Space, outcome: Outcome, states: Floats) -> list[Constraint]:
-    """Constrain power and resolution at the ends of the ranges, by the rules of ranges."""
-    rules, reached = space.rules, np.flatnonzero(~states[:, :8].any(axis=1)).tolist()
+    """Constrain powers and uncertainties towards the ends of the ranges, by the rules of ranges."""
+    rules, on_ranges = space.rules, np.flatnonzero(~states[:, :8].any(axis=1)).tolist()
     weakest = rules.snr * power_floor(space.sensor)
     coarsest = np.array(rules.coarsest) / FINE_UNITS[:6]
     return [
         *(
-            Constraint("power on a detector", power / weakest - 1, states=reached)
+            Constraint("power on a detector", power / weakest - 1, states=on_ranges)
             for power in outcome.powers
         ),
         *(
-            Constraint(f"range.coarsest of {name}", 1 - variance / limit**2, states=reached)
+            Constraint(f"range.coarsest of {name}", 1 - variance / limit**2, states=on_ranges)
             for name, variance, limit in zip(POSE, outcome.variances, coarsest, strict=True)
             if np.isfinite(limit)
         ),
@@ -215,18 +217,18 @@ def reach_limits(space: Space, outcome: Outcome, states: Floats) -> list[Constra
 def volume_limits(
     space: Space, outcome: Outcome, heads: list[Any], states: Floats
 ) -> list[Constraint]:
-    """List the requirements over the volume, if required, and those on the light at rest, which
+    """List the requirements over the volume, if required, and those on the powers at rest, which
     every design must meet."""
-    asked = limits_of(
+    constraints = limits_of(
         space.layout.least_power, space.layout.limit, outcome.powers, [], np.sqrt(outcome.variances)
     )
     if not space.required:
-        return [each._replace(states=[0]) for each in asked[: len(outcome.powers)]]
+        return [each._replace(states=[0]) for each in constraints[: len(outcome.powers)]]
     volume = np.flatnonzero(states[:, :8].any(axis=1)).tolist()
-    power, fine = [0, *volume], volume or [0]  # a volume that is a point is at rest
+    power, fine = [0, *volume], volume or [0]  # a volume without width is the state at rest
     return [
-        *(each._replace(states=power) for each in asked[: len(outcome.powers)]),
-        *(each._replace(states=fine) for each in asked[len(outcome.powers) :]),
+        *(each._replace(states=power) for each in constraints[: len(outcome.powers)]),
+        *(each._replace(states=fine) for each in constraints[len(outcome.powers) :]),
         *head_limits(space.layout.head, heads),
     ]
 
@@ -234,7 +236,7 @@ def volume_limits(
 def objective_limits(
     outcome: Outcome, heads: list[Any], scales: dict[str, float]
 ) -> list[Constraint]:
-    """List the quantities that must stay below the objectives, at rest."""
+    """Require the uncertainties at rest and the head to stay below the objectives."""
     below = []
     for name, scale in scales.items():
         if name in FINE_COLUMNS:

@@ -13,8 +13,8 @@ from .problem import Differences, LayoutProblem, Rows
 
 
 class QuadraticModel(NamedTuple):
-    """Values (r,) at a place, their slopes (r, unknowns), and the Hessian (unknowns, unknowns) of
-    their sum with weights (r,)."""
+    """Values (r,) at a point, their slopes (r, unknowns), and a function from weights (r,) to the
+    Hessian (unknowns, unknowns) of the weighted sum."""
 
     values: Floats
     slopes: Floats
@@ -22,11 +22,11 @@ class QuadraticModel(NamedTuple):
 
 
 def expand_rows(problem: LayoutProblem, unknowns: Floats, rows: Rows) -> QuadraticModel:
-    """Return values, slopes and curvatures of some rows."""
+    """Return values, slopes and curvatures of rows of constraints."""
     which, place = np.unique(rows.state, return_inverse=True)
     around = problem.formula.expand(unknowns[problem.places], problem.states[which])
-    some = Differences(around.steps, around.values[:, place, rows.output])
-    model = quadratic_model(problem, some)
+    differences_of_rows = Differences(around.steps, around.values[:, place, rows.output])
+    model = quadratic_model(problem, differences_of_rows)
     bound = rows.slack >= 0
     values = model.values + np.where(bound, unknowns[rows.slack], 0.0) - rows.spare
     model.slopes[np.flatnonzero(bound), rows.slack[bound]] = 1.0
@@ -34,7 +34,7 @@ def expand_rows(problem: LayoutProblem, unknowns: Floats, rows: Rows) -> Quadrat
 
 
 def quadratic_model(problem: LayoutProblem, differences: Differences) -> QuadraticModel:
-    """Expand the formula's differences by all of the unknowns."""
+    """Expand the formula's differences in all unknowns."""
     slopes = np.zeros((differences.values.shape[1], problem.count))
     slopes[:, problem.places] = differences.slopes()
 
@@ -68,7 +68,7 @@ def expand_objective(problem: LayoutProblem, unknowns: Floats) -> QuadraticModel
 def cost(problem: LayoutProblem, aim: str, unknowns: Floats) -> tuple[float, Floats, Floats]:
     """Return the value of one aim, its slopes and its Hessian."""
     if aim == "mean-resolution":
-        states = problem.states[: problem.objective.stated]
+        states = problem.states[: problem.objective.state_count]
         around = problem.formula.expand(unknowns[problem.places], states)
         means = around.values[:, :, problem.objective.averaged :].mean(axis=(1, 2))
         model = quadratic_model(problem, Differences(around.steps, means[:, None]))

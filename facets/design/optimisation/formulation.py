@@ -1,7 +1,4 @@
-"""The layout problem of a configuration's block `optimize`.
-
-All of it is the float model on arrays, of many layouts at once.
-"""
+"""The layout problem of a configuration's block `optimize`, evaluated for many layouts at once."""
 
 from __future__ import annotations
 
@@ -34,40 +31,41 @@ from .problem import GUESS, Formula, LayoutProblem, Objective, Rows
 if TYPE_CHECKING:
     from ...core.layout import Layout
 
-#: The group of outputs that limit nothing: their mean over the states is an aim.
+#: Group of the outputs that are not limited, because their mean over the states is an aim.
 AVERAGED = "mean uncertainty"
 
 
 def refuse_effects(sensor: Sensor, command: str) -> None:
-    """Raise `InputError` if the sensor has an effect that the problem would leave out."""
+    """Raise `InputError` if the sensor has an effect that the problem ignores."""
     opening = sensor.apertures
     unknown = {
         "beam_ratio": np.isfinite(opening.beam),
         "tip_um": opening.tip > 0,
         "gap_um": opening.gap > 0,
     }
-    for key, given in unknown.items():
-        if given:
+    for key, has_effect in unknown.items():
+        if has_effect:
             raise InputError(
-                f"facets {command} does not support sensor.apertures.{key}, because its model is "
-                "of light that only the facets' edges part; leave it out to find a layout, then "
-                "see what it changes by facets resolution (rim_mm and detectors are supported: "
-                "spots and the light on the mirror are kept whole)"
+                f"facets {command} does not support sensor.apertures.{key}, because only the "
+                "facets' edges divide the light in its model; remove the key to find a layout, "
+                "then see what it changes by facets resolution (rim_mm and detectors are "
+                "supported: no edge cuts a spot or the light on the mirror)"
             )
     if sensor.light.on:
         raise InputError(
             f"facets {command} does not support sensor.light, because its model is that of ideal "
-            "light; leave it out to find a layout, then see what it changes by facets resolution"
+            "light; remove the block to find a layout, then see what it changes by facets "
+            "resolution"
         )
     if sensor.calibration is not None:
         raise InputError(
-            "sensor.calibration belongs to a rig that stands, not to a layout to be found; "
-            "leave it out"
+            "sensor.calibration belongs to an existing rig, not to a layout that is searched; "
+            "remove it"
         )
 
 
 def require_unit(layout: Layout) -> None:
-    """Raise `InputError` if uncertainties are to be minimised and no axis has a unit."""
+    """Raise `InputError` if an aim is an uncertainty and no axis has a unit."""
     if (
         layout.aims.keys() & {"resolution", "mean-resolution"}
         and not np.isfinite(layout.unit).any()
@@ -76,7 +74,7 @@ def require_unit(layout: Layout) -> None:
 
 
 def require_noise(sensor: Sensor, layout: Layout, command: str) -> None:
-    """Raise `InputError` if the noise of the electronics does not go with the requirements."""
+    """Raise `InputError` if the search cannot combine the electronics' noise with the layout."""
     if sensor.electronics is None:
         if GAIN in layout.variables:
             raise InputError(
@@ -86,27 +84,27 @@ def require_noise(sensor: Sensor, layout: Layout, command: str) -> None:
         return
     if sensor.electronics.kind == "tetra-lateral":
         raise InputError(
-            f"facets {command} knows the noise of duo-lateral and pincushion detectors; that of a "
-            "tetra-lateral is a series, too slow for a search: search with "
+            f"facets {command} supports the noise of duo-lateral and pincushion detectors; that of "
+            "a tetra-lateral one is a series, too slow for a search: search with "
             "`noise.model: simple`, then see by facets resolution what the electronics change"
         )
     if GAIN in layout.variables and command != "optimize":
         raise InputError(
-            f"facets {command} cannot vary {GAIN}: the least light of a range follows from it; "
-            "leave it out of optimize.variables"
+            f"facets {command} cannot vary {GAIN}, because the least light of a range depends on "
+            "it; remove it from optimize.variables"
         )
-    stated = [name for name, part in layout.psds.items() if part.position is not None]
-    if layout.amplifiers or stated:
+    detectors_with_noise = [name for name, part in layout.psds.items() if part.position is not None]
+    if layout.amplifiers or detectors_with_noise:
         raise InputError(
             "optimize.parts: amplifiers and position_um of detectors state the noise of "
-            "`noise.model: simple`, and here it follows from sensor.electronics; leave them out, "
-            "or take the simple model"
+            "`noise.model: simple`, but here the noise follows from sensor.electronics; remove "
+            "them, or use the simple model"
         )
     if len(layout.psds) * max(1, len(layout.lasers)) > TRIED:
         raise InputError(
-            f"optimize.parts has more than {TRIED} choices: by electronics a larger detector is "
-            "noisier, so that none is as good as any of several, which leaving choices out rests "
-            "on; name fewer parts, or take `noise.model: simple`"
+            f"optimize.parts has more than {TRIED} choices: with electronics a larger detector is "
+            "noisier, so that no detector is at least as good as all others, on which excluding "
+            "choices relies; name fewer parts, or use `noise.model: simple`"
         )
 
 
@@ -142,8 +140,8 @@ class LayoutConstraints:
 
 
 def clearances_of(values: LayoutValues, rim: float) -> tuple[list[Any], list[Any]]:
-    """Clearances of the spots from the detectors' edges, over half a detector, and those of the
-    light from the mirror's rim, if it has one."""
+    """Clearances of the spots from the detectors' edges, in halves of a detector, and of the light
+    from the mirror's rim, if it has one."""
     half, where = half_of(values.sizes), (values.fixed, values.at)
     spots = [each / half for each in ellipse_clearances(*where, values.sizes)]
     return spots, rim_clearances(*where, rim) if np.isfinite(rim) else []
@@ -152,7 +150,7 @@ def clearances_of(values: LayoutValues, rim: float) -> tuple[list[Any], list[Any
 def problem_of(sensor: Sensor, layout: Layout, price: float = 0.0) -> LayoutProblem:
     """Make the problem of a configuration's block `optimize`; raises `InputError`.
 
-    price: the term of the parts' price in the objective.
+    price: the parts' price term of the objective.
     """
     require_extra("casadi", "the search for a layout")
     refuse_effects(sensor, "optimize")
@@ -184,9 +182,9 @@ def build_problem(
 ) -> LayoutProblem:
     """Make a problem without an objective.
 
-    extras: the unknowns beside the variables, as of `LayoutProblem`; those that are ranges are
-    arguments of the formula, too.  constrain: from unknowns (k, n) and states (m, w) to the
-    constraints.  states (m, w): those of the constraints.
+    extras: the unknowns that follow the variables, see `LayoutProblem`; those that are ranges are
+    arguments of the formula, too.  constrain: function from unknowns (k, n) and states (m, w) to
+    the constraints.  states: (m, w) of the constraints.
     """
     names, count = list(variables), len(variables)
     low, high = np.array(list(variables.values())).T
@@ -195,16 +193,16 @@ def build_problem(
     constraints = constrain(np.full((1, len(places)), 0.5), np.zeros((1, states.shape[1])))
     limiting = [each for each in constraints if each.group != AVERAGED]
     groups = list(dict.fromkeys(each.group for each in limiting))
-    # the share of its bounds at which a positive variable is zero
+    # the value of its unknown at which a positive variable is zero
     origin = np.pad(np.where(low > 0, -low / (high - low), np.nan), (0, len(scales)),
                     constant_values=np.nan)  # fmt: skip
     inside = [n for n, each in enumerate(limiting)
               if each.states is None or len(states) - 1 in each.states]  # fmt: skip
     return LayoutProblem(
         sensor, names, low, high, extras,
-        Formula(lambda unknowns, some: [each.value for each in constrain(unknowns, some)], origin),
+        Formula(lambda x, points: [each.value for each in constrain(x, points)], origin),
         places, states, groups, rows_of(limiting, groups, extras, count, len(states)),
-        Objective({}, averaged=len(limiting), stated=len(states)), None,
+        Objective({}, averaged=len(limiting), state_count=len(states)), None,
         np.array(inside, dtype=np.int64),
     )  # fmt: skip
 
@@ -212,8 +210,8 @@ def build_problem(
 def rows_of(
     constraints: list[Constraint], groups: list[str], extras: list[str], variables: int, states: int
 ) -> Rows:
-    """Make a row for each output and state; an output that is the same at all states has one
-    row."""
+    """Make a row for each output and state, but one row for an output that is the same at all
+    states."""
     rows = [
         (state, output, groups.index(each.group),
          variables + extras.index(each.slack) if each.slack else -1)
@@ -231,30 +229,30 @@ def fixed_half(sensor: Sensor, variables: Mapping[str, tuple[float, float]]) -> 
 
 
 def half_of(sizes: list[Any]) -> float:
-    """The unit of length of the clearances, mm: half of a detector whose size is given."""
+    """The unit of length of the clearances, mm: half of a detector with a fixed size."""
     return float(np.mean([size for size in sizes if isinstance(size, float)] or [1.0])) / 2
 
 
 def objective_constraints(
     aims: Mapping[str, float], unit: tuple[float, ...], values: LayoutValues
 ) -> list[Constraint]:
-    """Constrain the quantities that must stay below the slack of each aim.
+    """Require the quantities of each aim to stay below the aim's slack.
 
-    unit: (6,) the uncertainty of each axis that counts as 1.
+    unit: (6,) the uncertainty of each axis that counts as 1, um and urad.
     """
     outcome = values.outcome
-    below, shares = (
+    below, ratios = (
         [],
         {
-            name: variance / one**2
-            for name, variance, one in zip(POSE, outcome.variances, unit, strict=True)
-            if np.isfinite(one)
+            name: variance / unit_of_axis**2
+            for name, variance, unit_of_axis in zip(POSE, outcome.variances, unit, strict=True)
+            if np.isfinite(unit_of_axis)
         },
     )
     if "resolution" in aims:
-        for name, share in shares.items():
+        for name, ratio in ratios.items():
             what = f"uncertainty of {name} as low as it can be"
-            below.append(Constraint(what, -share, "resolution"))
+            below.append(Constraint(what, -ratio, "resolution"))
     if "size" in aims:
         what = "size of the head as low as it can be"
         below += [Constraint(what, -head / 100, "size", states=(0,)) for head in values.heads]
@@ -262,5 +260,5 @@ def objective_constraints(
         decades = np.log10(outcome.condition) / 2
         below.append(Constraint("conditioning as good as it can be", -decades, "condition"))
     if "mean-resolution" in aims:
-        below += [Constraint(AVERAGED, share, states=()) for share in shares.values()]
+        below += [Constraint(AVERAGED, ratio, states=()) for ratio in ratios.values()]
     return below

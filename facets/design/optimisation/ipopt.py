@@ -1,8 +1,8 @@
 """IPOPT, as casadi ships it, for problems whose values and derivatives are computed here.
 
-This module imports casadi. casadi checks Python's signals now and then, ends a solver where a
-handler raises, and returns the solver's last point, as if it had found nothing; while it makes or
-frees a function it goes on. Here the handler is then called again.
+This module imports casadi. casadi checks Python's signals occasionally. If a handler raises, casadi
+ends the solver and returns its last point as if the search had failed; while it creates or frees a
+function, it ignores the exception. `run_interruptibly` therefore calls the handler again.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .expansion import RestrictedProblem
 
 #: IPOPT's own tolerance.
 TOLERANCE = 1e-8
-#: The barrier parameter at the beginning of a search that starts near its end.
+#: Initial barrier parameter of a search that starts near the minimum.
 NEAR = 1e-5
 #: Largest number of steps.
 STEPS = 300
@@ -32,7 +32,7 @@ SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 @dataclass(frozen=True)
 class SolverResult:
-    """IPOPT's result.  limits, bounds: the multipliers of the constraints and of the bounds."""
+    """IPOPT's result.  limits, bounds: multipliers of the constraints and of the bounds."""
 
     x: Floats
     objective: float
@@ -46,8 +46,8 @@ class SolverResult:
 class ArrayFunction(ca.Callback):
     """A casadi function made from a function of arrays.
 
-    rows: length of each input.  shapes: the sparsity of each output.
-    compute: from the inputs to each output's numbers, by columns.
+    rows: length of each input.  shapes: the sparsity of each output.  compute: function from the
+    inputs to each output's numbers, column by column.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class ArrayFunction(ca.Callback):
 
 
 class Pieces:
-    """A problem's functions as IPOPT calls them, each computed once for one place."""
+    """A problem's functions as IPOPT calls them; values and slopes are computed once per point."""
 
     def __init__(self, problem: RestrictedProblem) -> None:
         self.problem = problem
@@ -113,10 +113,11 @@ class Pieces:
         return [self.limits.values, self.limits.slopes.T.ravel()]
 
     def hessian(self, x: Floats, _: Floats, weight: Floats, multipliers: Floats) -> list[Any]:
-        """Return the Lagrangian's Hessian: its upper triangle by columns."""
+        """Return the upper triangle of the Lagrangian's Hessian, column by column."""
         self.compute(x)
-        whole = self.cost.curvature(weight) + self.limits.curvature(multipliers)
-        return [whole[np.tril_indices(len(x))]]  # by rows of a symmetric matrix's lower triangle
+        hessian_of_sum = self.cost.curvature(weight) + self.limits.curvature(multipliers)
+        # the lower triangle of a symmetric matrix by rows is its upper triangle by columns
+        return [hessian_of_sum[np.tril_indices(len(x))]]
 
 
 def minimise(
@@ -128,9 +129,9 @@ def minimise(
 ) -> SolverResult:
     """Minimise the objective with IPOPT from a start, within bounds.
 
-    near: whether the start is near the end.  steps: largest number of steps.
+    near: whether the start is near the minimum.  steps: largest number of steps.
     """
-    # making and freeing a problem swallows what a handler raises, too, as its solution does
+    # creating and freeing a problem swallows a handler's exception, too
     return run_interruptibly(lambda: search(problem, start, bounds, near, steps))
 
 
@@ -169,10 +170,10 @@ def run_interruptibly(solve: Callable[[], SolverResult]) -> SolverResult:
     """
     if threading.current_thread() is not threading.main_thread():
         return solve()
-    came: list[int] = []
+    signals: list[int] = []
 
     def interrupt(number: int, _: FrameType | None) -> None:
-        came.append(number)
+        signals.append(number)
         raise KeyboardInterrupt
 
     numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
@@ -182,12 +183,12 @@ def run_interruptibly(solve: Callable[[], SolverResult]) -> SolverResult:
             signal.signal(number, interrupt)
         result = solve()
     except (Exception, KeyboardInterrupt):
-        if not came:
+        if not signals:
             raise
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    for number in came:
+    for number in signals:
         handler = before[number]
         assert callable(handler)
         handler(number, None)

@@ -1,11 +1,12 @@
-"""Parts that can be bought: the sensor with a choice of them, and the best choice.
+"""The best choice from a catalogue of parts, and the sensor with these parts.
 
-The best of a large catalogue is found by branch and bound. A branch is a set of parts of each kind.
-Its bound is the best layout with parts that are as good as any of them in everything at once: the
-largest detector with the least noise, the strongest laser with any of the diameters, the lowest
-price. No choice of the branch can be better than that, so a branch is dropped if its bound is worse
-than a known choice, or if even the bound's layout breaks a requirement; every other branch is split
-in two. The bound is only as reliable as one search is at finding the best layout.
+A large catalogue is searched by branch and bound. A branch is a set of parts of each kind. Its
+bound is the best layout with ideal parts, each as good as the best of the branch in every respect.
+These are the largest detector with the least noise, and the strongest laser with any of the
+diameters, at the lowest price. No choice of the branch can be better. A branch is therefore dropped
+if its bound is worse than a known choice, or if even the bound's layout violates a requirement;
+every other branch is split in two. The bound is only as reliable as one search is at finding the
+best layout.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 #: Largest number of choices of a catalogue that is tried in full, so that the user can see them.
 TRIED = 24
-#: A branch is dropped if its bound is worse than the best known objective by more than this share.
+#: A branch is dropped if its bound exceeds the best known objective by this fraction of it.
 WORSE = 1e-6
 #: Prices are counted in thousands in a weighted sum.
 THOUSAND = 1000.0
@@ -40,10 +41,10 @@ Search = Callable[[Sensor, "Layout"], "StartResult"]
 
 @dataclass(frozen=True)
 class PartsChoice:
-    """Parts from the catalogue: a detector, a laser, amplifiers, as a branch and by their names.
+    """A detector, a laser and amplifiers from the catalogue, as a branch of one part of each kind.
 
-    price: of three detectors, the laser and the amplifiers, None if a price is not known.
-    delivery: weeks until all parts are there, None if a time is not known."""
+    price: of three detectors, the laser and the amplifiers; None if one of them has no price.
+    delivery: weeks until all parts arrive; None if one of them has no time."""
 
     parts: Branch
     price: float | None
@@ -55,7 +56,7 @@ class PartsChoice:
 
 
 def choice_of(catalogue: Catalogue, branch: Branch) -> PartsChoice:
-    """The choice of a branch with one part of each kind, with its price and its delivery."""
+    """The choice that a branch with one part of each kind represents."""
     kinds = zip(catalogue, branch, NUMBERS, strict=True)
     chosen = [(kind[name], number) for kind, (name,), number in kinds if name]
     prices: list[float | None] = [
@@ -76,7 +77,7 @@ def price_term(layout: Layout, price: float | None) -> float:
 
 
 def sorted_parts(catalogue: Catalogue) -> Branch:
-    """Return the branch with all parts of the catalogue, similar parts side by side."""
+    """Return the branch with all parts of the catalogue, similar parts next to each other."""
     psds, lasers, amplifiers = catalogue
     return (
         tuple(sorted(psds, key=lambda n: (psds[n].size, psds[n].position or 0)) or [""]),
@@ -92,7 +93,7 @@ def single_branches(catalogue: Catalogue) -> list[Branch]:
 
 
 def halves_of(branch: Branch) -> list[Branch]:
-    """Split a branch by the kind of which it has most parts."""
+    """Split a branch in two, by the kind of which it has most parts."""
     kind = max(range(len(branch)), key=lambda n: len(branch[n]))
     names, middle = branch[kind], len(branch[kind]) // 2
     return [
@@ -101,27 +102,28 @@ def halves_of(branch: Branch) -> list[Branch]:
 
 
 def relax_parts(sensor: Sensor, layout: Layout, branch: Branch) -> tuple[Sensor, Layout]:
-    """Return the sensor with parts as good as any of the branch, and its layout."""
-    made, variables = sensor, layout.variables
+    """Return the sensor with parts as good as the best of the branch in every respect, and its
+    layout."""
+    relaxed, variables = sensor, layout.variables
     if branch[0][0]:
         psds = [layout.psds[name] for name in branch[0]]
-        side, own = max(part.size for part in psds), sensor.noise.position
-        position = min(own if part.position is None else part.position for part in psds)
-        a, b, c = (replace(psd, size_y=side, size_z=side) for psd in made.psds)
-        made = replace(made, psds=(a, b, c), noise=replace(made.noise, position=position))
+        side, present = max(part.size for part in psds), sensor.noise.position
+        position = min(present if part.position is None else part.position for part in psds)
+        a, b, c = (replace(psd, size_y=side, size_z=side) for psd in relaxed.psds)
+        relaxed = replace(relaxed, psds=(a, b, c), noise=replace(relaxed.noise, position=position))
     if branch[1][0]:
         lasers = [layout.lasers[name] for name in branch[1]]
-        beam = replace(made.beam, power=max(part.power for part in lasers))
+        beam = replace(relaxed.beam, power=max(part.power for part in lasers))
         widths = [part.diameter for part in lasers]
-        if "diameter_mm" not in variables:  # else a telescope makes it
+        if "diameter_mm" not in variables:  # else a telescope sets it
             beam = replace(beam, diameter_x=min(widths), diameter_y=min(widths))
         if min(widths) < max(widths):
             variables = {**variables, "diameter_mm": (min(widths), max(widths))} | variables
-        made = replace(made, beam=beam)
+        relaxed = replace(relaxed, beam=beam)
     if branch[2][0]:
         power = min(layout.amplifiers[name].power for name in branch[2])
-        made = replace(made, noise=replace(made.noise, power=power))
-    return made, replace(layout, variables=variables, psds={}, lasers={}, amplifiers={})
+        relaxed = replace(relaxed, noise=replace(relaxed.noise, power=power))
+    return relaxed, replace(layout, variables=variables, psds={}, lasers={}, amplifiers={})
 
 
 def lowest_price(catalogue: Catalogue, branch: Branch) -> float:
@@ -136,10 +138,10 @@ def lowest_price(catalogue: Catalogue, branch: Branch) -> float:
 def best_parts(
     sensor: Sensor, layout: Layout, search: Search, on_progress: Callable[[int, int], None]
 ) -> tuple[list[tuple[PartsChoice, StartResult]], int]:
-    """Search for the best choice; return those that were solved with their results, best first, and
-    the number of all choices.
+    """Search for the best choice; return the searched choices with their results, the best first,
+    and the number of all choices.
 
-    search: finds the best layout of a sensor from where it is.  on_progress: is called with the
+    search: finds the best layout of a sensor, from the present one.  on_progress: called with the
     number of choices that are decided and the number of all choices.
     """
     catalogue = layout.psds, layout.lasers, layout.amplifiers

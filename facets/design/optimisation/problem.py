@@ -1,9 +1,9 @@
 """A layout problem: unknowns, named constraints, and an objective to minimise.
 
-The largest of the limited quantities over the volume is pushed down by a slack variable (minimax).
-The requirements on a layout are named constraints, so that the search can report which of them
-limit the best layout, or which cannot be met. A constraint is one output of the formula at one
-state; the search only holds those that matter (`search`).
+A slack variable bounds the largest value of a quantity over the volume, and the search minimises it
+(minimax). The requirements on a layout are named constraints, so that the search can report which
+of them limit the best layout, or which cannot be met. A constraint is one output of the formula at
+one state; the search passes only the relevant ones to IPOPT (`search`).
 """
 
 from __future__ import annotations
@@ -18,20 +18,21 @@ from ...core.sensor import Sensor
 from ...core.units import Floats, Integers
 from ..volume import worst_places
 
-#: Starting values of an aim's slack and of the volume's scale, for aims that need one.
+#: Starting values of the aims' slacks, and of the volume's scale for `range`.
 GUESS = {"resolution": 100.0, "condition": 10.0, "size": 100.0, "range": 0.3}
-#: Largest violation of a constraint between the problem's states.
+#: Violation of a constraint between the states above which the state is added.
 BROKEN = 1e-8
-#: A step of a difference is this share of a variable's bounds, or of a positive variable if that is
-#: less. Errors of rounding and of truncation are then alike, about 1e-8 of an output.
+#: Step of a difference, as a fraction of the distance between a variable's bounds, or of a positive
+#: variable's value if that is less. The errors of rounding and of truncation are then equally
+#: large, about 1e-8 of an output.
 STEP = 1e-4
 
 
 @dataclass(frozen=True)
 class Differences:
-    """Values at a place and at its neighbours, from which the derivatives follow.
+    """Values at a point and at its neighbours, for derivatives by differences.
 
-    steps (n,): of the unknowns.  values (1 + 2 n + n (n - 1) / 2, ...): at `neighbours_of`.
+    steps: (n,) of the unknowns.  values: (1 + 2 n + n (n - 1) / 2, ...) at `neighbours_of`.
     """
 
     steps: Floats
@@ -39,8 +40,8 @@ class Differences:
 
     @staticmethod
     def neighbours_of(x: Floats, steps: Floats) -> Floats:
-        """The place (n,), one step of each unknown forward and backward, and steps of two at
-        once."""
+        """The point x (n,), the points one step forward and one step backward in each unknown, and
+        one step forward in each pair of unknowns."""
         moves = np.diag(steps)
         first, second = np.triu_indices(len(x), 1)
         return np.concatenate([x[None], x + moves, x - moves, x + moves[first] + moves[second]])
@@ -67,9 +68,9 @@ class Differences:
 class Formula:
     """Outputs of layouts at states.
 
-    compute: from unknowns (k, n) and states (m, w) to the outputs, each as wide as (k, m) or less.
-    origin (n,): the value at which an unknown's variable is zero, if the variable cannot be
-    negative; else NaN.
+    compute: function from unknowns (k, n) and states (m, w) to the outputs, which broadcast to
+    (k, m).  origin: (n,) value of each unknown at which its variable is zero; NaN if the variable
+    may be negative.
     """
 
     compute: Callable[[Floats, Floats], list[Any]]
@@ -92,8 +93,8 @@ class Formula:
 
 @dataclass(frozen=True)
 class Rows:
-    """Constraints, one a row: the number of the output, of the state and of the group, the unknown
-    that is added (-1 for none), and the least value."""
+    """Constraints, one per row: numbers of the state, the output and the group, number of the
+    unknown that is added (-1 for none), and the least value that is allowed."""
 
     state: Integers
     output: Integers
@@ -116,17 +117,17 @@ class Rows:
 
 @dataclass(frozen=True)
 class Objective:
-    """The sum of the weighted aims and of the term of the parts' price.
+    """The sum of the weighted aims and of the parts' price term.
 
-    aims: the weight of each aim; `weighted` if they are added up.  averaged: the first of the
-    formula's outputs whose mean over the first `stated` states is an aim.
+    aims: the weight of each aim.  weighted: whether several aims are added up.  averaged: number of
+    the formula's first output whose mean over the first `state_count` states is an aim.
     """
 
     aims: dict[str, float]
     weighted: bool = False
     price: float = 0.0
     averaged: int = 0
-    stated: int = 0
+    state_count: int = 0
 
 
 @dataclass(frozen=True)
@@ -135,13 +136,14 @@ class LayoutProblem:
 
     names: names of the variables.  low, high: their bounds, in the units of their names.
     extras: the aims that have an unknown of their own, a slack or the scale of the volume. The
-    unknowns are the variables as shares of their bounds, then these.
-    formula: outputs by some of the unknowns, those at `places`, and a state.  states (m, ...).
+    unknowns are the variables, 0 and 1 at their bounds, followed by these.
+    formula: the outputs as a function of the unknowns at `places` and of a state.
+    states: (m, ...).
     groups: names of the constraints.  rows: all constraints.
-    span: (8, ...) turns shares of the volume into a state; None if nothing is required over a
+    span: (8, ...) converts a position in the volume to a state; None if nothing is required over a
     volume.
-    inside: outputs that are required all over the volume.  half: unit of length of the clearances,
-    mm.
+    inside: numbers of the outputs that are required all over the volume.  half: unit of length of
+    the clearances, mm.
     """
 
     sensor: Sensor
@@ -165,21 +167,22 @@ class LayoutProblem:
         return len(self.names) + len(self.extras)
 
     def first_guess(self, start: Floats) -> Floats:
-        """Return the unknowns at a start: slacks just above their least values, a small scale."""
-        shares = (start - self.low) / (self.high - self.low)
-        return self.fill_slacks(np.append(shares, [GUESS[aim] for aim in self.extras]))
+        """Return the unknowns at a start, with slacks just above their least values and a small
+        scale."""
+        fractions = (start - self.low) / (self.high - self.low)
+        return self.fill_slacks(np.append(fractions, [GUESS[aim] for aim in self.extras]))
 
     def fill_slacks(self, unknowns: Floats, spare: float = 1.1) -> Floats:
         """Return the unknowns with slacks that are `spare` times their least values."""
         filled = unknowns.copy()
         values = self.values(unknowns)
         for n, aim in enumerate(self.extras):
-            mine = self.rows.slack == len(self.names) + n
-            if mine.any():
-                short = unknowns[len(self.names) + n] - values[mine].min()
-                known = np.isfinite(short)
+            rows_of_aim = self.rows.slack == len(self.names) + n
+            if rows_of_aim.any():
+                short = unknowns[len(self.names) + n] - values[rows_of_aim].min()
+                is_finite = np.isfinite(short)
                 filled[len(self.names) + n] = (
-                    max(short, 0.0) * spare if known else GUESS.get(aim, 1.0)
+                    max(short, 0.0) * spare if is_finite else GUESS.get(aim, 1.0)
                 )
         return filled
 
@@ -198,7 +201,7 @@ class LayoutProblem:
         return replace(self, rows=replace(self.rows, spare=spare))
 
     def values(self, unknowns: Floats) -> Floats:
-        """Return the values of all constraints, which are met if not negative."""
+        """Return the values of all constraints; negative values are violations."""
         outputs = self.formula.outputs(unknowns[None, self.places], self.states)[
             0, self.rows.state, self.rows.output
         ]
@@ -208,27 +211,27 @@ class LayoutProblem:
 
 
 def add_worst_places(problem: LayoutProblem, unknowns: Floats) -> LayoutProblem:
-    """Add the places between the states at which the layout violates a constraint by more than
-    at the states. Returns the problem itself if there are none."""
+    """Add the states between the problem's states at which the layout violates a constraint by more
+    than at these. Returns the problem itself if there are none."""
     span = problem.span
     if span is None or not span.any():
         return problem
     first = np.array([int(np.argmax(problem.rows.output == output)) for output in problem.inside])
     slack = problem.rows.slack[first]
     most = most_spare(problem)
-    eased = np.where(slack >= 0, unknowns[slack], 0.0) - most
-    shares = problem.states @ np.linalg.pinv(span)
-    within = np.isclose(shares @ span, problem.states).all(axis=1)
+    slacks_less_spare = np.where(slack >= 0, unknowns[slack], 0.0) - most
+    fractions = problem.states @ np.linalg.pinv(span)
+    within = np.isclose(fractions @ span, problem.states).all(axis=1)
 
-    def values(some: Floats) -> Floats:
-        outputs = problem.formula.outputs(unknowns[None, problem.places], some @ span)[0]
-        margins: Floats = outputs[:, problem.inside] + eased
+    def values(points: Floats) -> Floats:
+        outputs = problem.formula.outputs(unknowns[None, problem.places], points @ span)[0]
+        margins: Floats = outputs[:, problem.inside] + slacks_less_spare
         return margins
 
-    places, which = worst_places(values, shares[within], np.asarray(span.any(axis=1)))
+    places, which = worst_places(values, fractions[within], np.asarray(span.any(axis=1)))
     if not len(which):
         return problem
-    spare = spare_near(problem, places, shares, problem.inside[which])
+    spare = spare_near(problem, places, fractions, problem.inside[which])
     remaining = values(places)[np.arange(len(places)), which] + most[which] - spare
     broken = remaining < -BROKEN
     if not broken.any():
@@ -249,24 +252,26 @@ def most_spare(problem: LayoutProblem) -> Floats:
     return np.array([rows.spare[rows.output == output].max() for output in problem.inside])
 
 
-def spare_near(problem: LayoutProblem, places: Floats, shares: Floats, outputs: Integers) -> Floats:
-    """Return an output's spare at each place: the spare of the nearest state."""
+def spare_near(
+    problem: LayoutProblem, places: Floats, fractions: Floats, outputs: Integers
+) -> Floats:
+    """Return the spare of each output at each place: that of the nearest state."""
     spares = np.empty(len(places))
     for n, (place, output) in enumerate(zip(places, outputs, strict=True)):
-        mine = np.flatnonzero(problem.rows.output == output)
-        away = ((shares[problem.rows.state[mine]] - place) ** 2).sum(axis=1)
-        spares[n] = problem.rows.spare[mine[away.argmin()]]
+        rows = np.flatnonzero(problem.rows.output == output)
+        distances = ((fractions[problem.rows.state[rows]] - place) ** 2).sum(axis=1)
+        spares[n] = problem.rows.spare[rows[distances.argmin()]]
     return spares
 
 
 @dataclass
 class StartResult:
-    """The result of one start.
+    """The result of the search from one start.
 
-    x: the variables, in the units of their names.  objective: see `report.objective_text`.
-    active_constraints: the multiplier of each active group, over the largest.
-    shortfalls: the share of its limit by which each group is violated, if the requirements are
-    infeasible.
+    x: the variables, in the units of their names.  objective: see `tables.objective_text`.  found:
+    whether the layout meets all requirements.  active_constraints: the multiplier of each active
+    group, over the largest.  shortfalls: if the requirements are infeasible, the fraction of its
+    limit by which each group is violated.
     """
 
     start: Floats

@@ -1,8 +1,9 @@
 """The best layout over a volume, by casadi's IPOPT from several starts, and its active constraints.
 
-Of some thousand constraints only a few are active at the best layout. So IPOPT gets those that are
-nearest to being violated, all are evaluated at its result, and the violated ones join the others
-until there is none. The result is the same, as no omitted constraint would be active there.
+Of some thousand constraints only a few are active at the best layout. IPOPT therefore gets those
+that are nearest to being violated; at its result all are evaluated, and the violated ones are
+added, until none is violated. The result is the same as with all constraints, because no omitted
+constraint would be active there.
 """
 
 from __future__ import annotations
@@ -29,15 +30,15 @@ if TYPE_CHECKING:
     from .ipopt import SolverResult
 
 
-#: A constraint with a smaller multiplier than this, over the largest, is not active.
+#: A constraint is active if its multiplier exceeds this fraction of the largest one.
 ACTIVE = 1e-4
-#: Largest violation of a constraint: IPOPT's tolerance, with a margin for its scaling.
+#: Largest violation of a constraint that is met: IPOPT's tolerance with a margin for its scaling.
 SLACK = 1e-6
 #: Violation above which a constraint is added to IPOPT's problem.
 UNNOTICED = 1e-9
-#: IPOPT's status for bounds that exclude one another.
+#: IPOPT's status if no point meets all constraints.
 INFEASIBLE = "infeasible problem detected"
-#: Number of constraints of a group that IPOPT gets at first and in each round, and of rounds.
+#: Number of constraints of a group that IPOPT gets at first and in each round; number of rounds.
 NEAREST, ROUNDS = 1, 40
 
 
@@ -46,9 +47,9 @@ class Optimum:
     """The results of all starts, the best first.
 
     names: names of the variables.  before: the present sensor's objective, or NaN if it violates
-    constraints.  sensor: the sensor with the best parts.  tried: each choice of parts and its
-    result, the best first; empty without a catalogue.  choices: number of all choices.  problem:
-    the problem with the best parts.
+    constraints.  sensor: the sensor with the best parts.  problem: the problem with these parts.
+    tried: each choice of parts with its result, the best first; empty without a catalogue.
+    choices: number of all choices.
     """
 
     names: list[str]
@@ -68,16 +69,16 @@ class Optimum:
 def optimize(
     sensor: Sensor,
     layout: Layout,
-    on_progress: Callable[[int, int], None] = lambda done, whole: None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Optimum:
     """Search for the best layout from several starts.
 
     Parameters
     ----------
     sensor
-        The sensor as it is now.
+        The present sensor.
     layout
-        What may vary, the volume, the limits and the aim: the block `optimize` of a configuration,
+        The variables, the volume, the limits and the aim: the block `optimize` of a configuration,
         `Config.layout`.
     on_progress
         Called after each search with the numbers of completed and of all searches.
@@ -85,23 +86,23 @@ def optimize(
     Returns
     -------
     Optimum
-        The results of all starts, the best first. With a catalogue each choice of parts is tried
-        from the sensor as it is, and the best of them from all starts. Where no start keeps all
-        limits, `best.found` is false and `best.shortfalls` says which stand against each other.
+        The results of all starts, the best first. With a catalogue, each choice of parts is
+        searched from the present sensor, and the best choice from all starts. If no start meets
+        all limits, `best.found` is false and `best.shortfalls` names the limits in conflict.
 
     Raises
     ------
     InputError
-        If nothing may vary, or the sensor has what the search cannot hold.
+        If there are no variables, or the sensor has an effect that the search does not support.
 
     Examples
     --------
     >>> from dataclasses import replace
     >>> import facets
     >>> config = facets.load("layout")
-    >>> wanted = replace(config.layout, variables={"radius_mm": (150.0, 250.0)}, starts=1)
-    >>> found = facets.optimize(config.sensor, wanted)
-    >>> found.best.found, f"{found.best.x[0]:.0f} mm"
+    >>> layout = replace(config.layout, variables={"radius_mm": (150.0, 250.0)}, starts=1)
+    >>> optimum = facets.optimize(config.sensor, layout)
+    >>> optimum.best.found, f"{optimum.best.x[0]:.0f} mm"
     (True, '250 mm')
     """
     tried: list[tuple[PartsChoice, StartResult]] = []
@@ -125,12 +126,13 @@ def optimize(
 
 
 def starts_of(problem: LayoutProblem, count: int, seed: int) -> Floats:
-    """Return the present sensor's variables, and others drawn within the bounds."""
+    """Return the starts (count, variables): the present sensor's, and random ones within the
+    bounds."""
     now = present_values(problem.sensor)
     first = np.clip([now[name] for name in problem.names], problem.low, problem.high)
     rng = np.random.default_rng(seed)
-    shares = rng.random((count - 1, len(problem.names)))
-    return np.concatenate([first[None], problem.low + (problem.high - problem.low) * shares])
+    fractions = rng.random((count - 1, len(problem.names)))
+    return np.concatenate([first[None], problem.low + (problem.high - problem.low) * fractions])
 
 
 def solve_from_present(sensor: Sensor, layout: Layout) -> StartResult:
@@ -139,20 +141,20 @@ def solve_from_present(sensor: Sensor, layout: Layout) -> StartResult:
 
 
 def nearest(problem: LayoutProblem, values: Floats, most: int) -> NDArray[np.int64]:
-    """The rows with the least values of each group and slack, NaN first."""
-    least = np.where(np.isnan(values), -np.inf, values)
+    """The numbers of the `most` rows of each group with the least values, NaN first."""
+    sortable = np.where(np.isnan(values), -np.inf, values)
     nearest_rows = []
     for group in range(len(problem.groups)):
-        mine = np.flatnonzero(problem.rows.group == group)
-        nearest_rows.append(mine[np.argsort(least[mine], kind="stable")[:most]])
+        members = np.flatnonzero(problem.rows.group == group)
+        nearest_rows.append(members[np.argsort(sortable[members], kind="stable")[:most]])
     return np.concatenate(nearest_rows)
 
 
 class SolverEnd(NamedTuple):
     """The result of IPOPT.
 
-    problem: the problem with the places that were added to the volume's states.  rows: numbers of
-    the constraints that IPOPT got.  unknowns: the unknowns, with slacks as small as possible.
+    problem: the problem with the states that were added.  rows: numbers of the constraints that
+    IPOPT got.  unknowns: the unknowns, with slacks as small as possible.
     """
 
     problem: LayoutProblem
@@ -166,30 +168,30 @@ def solve(
     guess: Floats,
     bounds: tuple[Floats, Floats],
     elastic: bool = False,
-    known: NDArray[np.int64] | None = None,
+    known_rows: NDArray[np.int64] | None = None,
     steps: int = 300,
 ) -> SolverEnd:
     """Solve with all constraints from a guess.
 
-    known: numbers of the rows of a neighbour's problem, whose result is the guess.
+    known_rows: numbers of the rows of a neighbour's problem, if the guess is its result.
     steps: IPOPT's largest number of steps in each round.
     """
     from .ipopt import minimise
 
-    n, near = problem.count, known is not None
+    n, near = problem.count, known_rows is not None
     rows = nearest(problem, problem.values(guess[:n]), NEAREST)
-    if known is not None:
-        rows = np.union1d(rows, known[known < len(problem.rows)])
+    if known_rows is not None:
+        rows = np.union1d(rows, known_rows[known_rows < len(problem.rows)])
     for turn in range(ROUNDS + 1):
         if turn == ROUNDS:
             rows, near = np.arange(len(problem.rows)), False
-        held = RestrictedProblem(problem, problem.rows.subset(rows), elastic)
-        result = minimise(held, guess, bounds, near, steps)
+        restricted = RestrictedProblem(problem, problem.rows.subset(rows), elastic)
+        result = minimise(restricted, guess, bounds, near, steps)
         if near and not result.success and result.status != INFEASIBLE:
-            result = minimise(held, guess, bounds, steps=steps)
+            result = minimise(restricted, guess, bounds, steps=steps)
         if not result.success:
             break
-        values = held.values(result.x)
+        values = restricted.values(result.x)
         broken = np.flatnonzero(~(values > -UNNOTICED))
         new = np.setdiff1d(np.intersect1d(nearest(problem, values, NEAREST), broken), rows)
         if not len(new):  # is any violated between the states?
@@ -205,8 +207,8 @@ def solve(
 
 
 def settle(problem: LayoutProblem, unknowns: Floats) -> tuple[LayoutProblem, Floats]:
-    """Return the problem with the volume's worst places added, and the unknowns with slacks for
-    them."""
+    """Return the problem with the volume's worst states added, and the unknowns with slacks that
+    hold there."""
     exact = problem.fill_slacks(unknowns, spare=1.0)
     wider = add_worst_places(problem, exact)
     return wider, exact if wider is problem else wider.fill_slacks(exact, spare=1.0)
@@ -217,12 +219,12 @@ def active_rows(
 ) -> NDArray[np.int64]:
     """Return the numbers of the active constraints among IPOPT's."""
     top = result.limits.max(initial=0.0)
-    held: NDArray[np.int64] = rows[result.limits > ACTIVE * top]
-    return held
+    restricted: NDArray[np.int64] = rows[result.limits > ACTIVE * top]
+    return restricted
 
 
 def solve_from(problem: LayoutProblem, start: Floats) -> StartResult:
-    """Search from a start, in the units of the variables' names."""
+    """Search from a start (variables,), in the units of the variables' names."""
     begin = time.perf_counter()
     guess = problem.first_guess(start)
     problem, rows, result, exact = solve(problem, guess, problem.bounds())
@@ -241,8 +243,8 @@ def solve_from(problem: LayoutProblem, start: Floats) -> StartResult:
 def active_constraints(
     problem: LayoutProblem, rows: Rows, result: SolverResult
 ) -> dict[str, float]:
-    """The multipliers of active constraints over the largest, summed by group and by bound of a
-    variable, the strongest first."""
+    """The multipliers of active constraints, over the largest, summed by group and by bound of a
+    variable, the largest first."""
     of_groups = np.bincount(rows.group, result.limits, len(problem.groups))
     sums = dict(zip(problem.groups, of_groups.tolist(), strict=True))
     for i, name in enumerate(problem.names):
@@ -254,7 +256,8 @@ def active_constraints(
 
 
 def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
-    """The groups that cannot all be met, and by what share of its limit each is violated."""
+    """The groups that cannot all be met, each with the fraction of its limit by which it is
+    violated."""
     low, high = problem.bounds()
     count = len(problem.groups)
     guess = np.append(problem.first_guess(start), np.ones(count))
@@ -264,11 +267,11 @@ def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
         (np.append(low, np.zeros(count)), np.append(high, np.full(count, np.inf))),
         elastic=True,
     ).result
-    shares = {}
+    fractions = {}
     for group, gap in zip(problem.groups, result.x[-count:].tolist(), strict=True):
         if gap > 1e-4:
-            shares[group] = gap
-    return shares
+            fractions[group] = gap
+    return fractions
 
 
 def objective_at(problem: LayoutProblem, x: Floats, slack: float = SLACK) -> float:
@@ -287,9 +290,9 @@ def objective_of(problem: LayoutProblem, unknowns: Floats) -> float:
 
 
 def gains(optimum: Optimum, layout: Layout) -> dict[str, float]:
-    """Return the objective with each fixed quantity slightly larger, solved again from the
+    """Return the best objective with each fixed quantity slightly larger, searched from the
     optimum."""
-    sensor, known = optimum.sensor, optimum.problem
+    sensor, before = optimum.sensor, optimum.problem
     tried: dict[str, tuple[Sensor, Layout]] = {}
     if "size_mm" not in layout.variables and not layout.psds:
         wider = [replace(p, size_y=p.size_y + 1, size_z=p.size_z + 1) for p in sensor.psds]
@@ -301,10 +304,10 @@ def gains(optimum: Optimum, layout: Layout) -> dict[str, float]:
     if np.isfinite(layout.head):
         tried["10 mm more head"] = (sensor, replace(layout, head=layout.head + 10))
     objectives = {}
-    for what, (other, asked) in tried.items():
-        problem = problem_of(other, asked, known.objective.price)
-        if known.rows.spare.any():
-            problem = problem.replace_spare(known.rows.spare)
+    for what, (other, changed_layout) in tried.items():
+        problem = problem_of(other, changed_layout, before.objective.price)
+        if before.rows.spare.any():
+            problem = problem.replace_spare(before.rows.spare)
         result = solve_from(problem, optimum.best.x)
         if result.found:
             objectives[what] = result.objective

@@ -1,4 +1,4 @@
-"""A design as a configuration that extends its original and states only the keys that changed."""
+"""A design as a configuration that extends its original and has only the changed keys."""
 
 from __future__ import annotations
 
@@ -22,24 +22,25 @@ from ...files.whole import Whole, hidden_name, readable_path
 if TYPE_CHECKING:
     from ...core.settings import Config
 
-#: Decimals of values that follow from the variables, such as a detector's height.
+#: Decimals of values that follow from the variables, such as a detector's height in mm.
 DECIMALS = 3
 
 
 def changed_keys(settings: Config, sensor: Sensor) -> dict[str, Any]:
-    """The keys below `sensor` that differ from the configuration's, nested, per detector."""
+    """The keys below `sensor` whose values differ from the configuration's, as nested dictionaries
+    with a block per detector."""
     keys = write_sensor(settings.resolved["sensor"], sensor)
     keys["noise"]["position_um"] = 1000 * sensor.noise.position
     keys["noise"]["power_uw"] = 1000 * sensor.noise.power
     if sensor.electronics is not None:
         keys["electronics"]["transimpedance_kohm"] = sensor.electronics.transimpedance / 1000
-    for letter in DETECTORS:  # it follows from an inclination, to a micrometre
+    for letter in DETECTORS:  # follows from an inclination; to 1 um
         keys["psd"][letter]["height_mm"] = round(keys["psd"][letter]["height_mm"], DECIMALS)
     return differences(settings.resolved["sensor"], keys, tidy)
 
 
 def tidy(value: Any) -> Any:
-    """Round off the digits that a conversion of units has added."""
+    """Round off the digits that a conversion of units adds."""
     if isinstance(value, float):
         return float(f"{round(value, 9):.12g}")
     if isinstance(value, list):
@@ -48,7 +49,7 @@ def tidy(value: Any) -> Any:
 
 
 def merge_common_keys(block: dict[str, Any]) -> dict[str, Any]:
-    """Move keys that a, b and c all change to the same value into one common key."""
+    """Replace keys that a, b and c all change to the same value by one common key."""
     singles = [block.get(letter, {}) for letter in DETECTORS]
     shared = {
         key: value
@@ -63,7 +64,7 @@ def merge_common_keys(block: dict[str, Any]) -> dict[str, Any]:
 
 
 def changes_of(settings: Config, sensor: Sensor) -> list[tuple[str, Any, Any]]:
-    """List every changed key as (path, before, after); a change of a, b and c appears once."""
+    """List every changed key as (path, before, after), once if a, b and c change alike."""
     return list(
         changed_paths(
             merge_common_blocks(changed_keys(settings, sensor)), settings.resolved["sensor"]
@@ -82,7 +83,7 @@ def changed_paths(new: dict[str, Any], old: Any, prefix: str = "") -> Any:
 
 
 def plain_value(value: Any) -> Any:
-    """Convert a value to the form that a configuration has."""
+    """Convert a value to the form that it has in a configuration."""
     value = tidy(value)
     same = isinstance(value, list) and len(value) == 2 and value[0] == value[1]
     return value[0] if same else value
@@ -109,8 +110,8 @@ def base_of(settings: Config, folder: Path) -> str:
 
 
 def common_keys_hold(settings: Config, sensor: Sensor, folder: Path) -> bool:
-    """Return whether values that are common to all three detectors or facets hold for each of them:
-    they do not if the configuration sets another value for a single one."""
+    """Whether the common keys apply to all three detectors or facets. They do not if the
+    configuration has another value for one of them."""
     keys = changed_keys(settings, sensor)
     text = document(base_of(settings, folder), merge_common_blocks(keys), {})
     return loads_with_keys(text, folder, keys, settings)
@@ -121,37 +122,37 @@ def as_extension(
     sensor: Sensor,
     folder: Path,
     about: dict[str, str],
-    beside: dict[str, str] | None = None,
+    remarks: dict[str, str] | None = None,
 ) -> str:
     """Return the YAML of a configuration in `folder` that loads to the design.
 
-    beside: remarks by variable, such as radius_mm, that become comments at the keys of that name.
+    remarks: by variable, such as radius_mm; they become comments at the keys of that name.
     """
     keys = changed_keys(settings, sensor)
     if common_keys_hold(settings, sensor, folder):
         keys = merge_common_blocks(keys)
     return "\n".join(
-        [*head_lines(about), "", document(base_of(settings, folder), keys, beside or {})]
+        [*head_lines(about), "", document(base_of(settings, folder), keys, remarks or {})]
     )
 
 
 def write_design(
     settings: Config, sensor: Sensor, path: Path, about: dict[str, str],
-    beside: dict[str, str] | None = None,
+    remarks: dict[str, str] | None = None,
 ) -> Config | str:  # fmt: skip
-    """Write a design as a configuration that extends its original, and load it again; return the
-    reason if it does not load.  beside: see `as_extension`."""
+    """Write a design as a configuration that extends its original, and return the loaded
+    configuration, or the reason if it does not load.  remarks: see `as_extension`."""
     with Whole(path) as temporary:
-        text = as_extension(settings, sensor, path.parent, about, beside)
+        text = as_extension(settings, sensor, path.parent, about, remarks)
         temporary.write_text(escape_undecodable(text), "utf-8")
     file = readable_path(path)
     try:
         return replace(load(file), name=escape_undecodable(path.stem), path=path.resolve())
-    except ConfigError as error:  # a sub-beam may miss a detector elsewhere than in the volume
+    except ConfigError as error:  # a sub-beam may miss a detector outside the volume
         return str(error).replace(file.name, path.name)
 
 
-def document(base: str, keys: dict[str, Any], beside: dict[str, str]) -> str:
+def document(base: str, keys: dict[str, Any], remarks: dict[str, str]) -> str:
     from ruamel.yaml import YAML
 
     stream = StringIO()
@@ -161,7 +162,7 @@ def document(base: str, keys: dict[str, Any], beside: dict[str, str]) -> str:
     lines = []
     for line in stream.getvalue().splitlines():
         key = line.strip().partition(":")[0]
-        remark = beside.get(key, "")
+        remark = remarks.get(key, "")
         lines.append(f"{line:<32}  # {remark}" if remark and not line.endswith(":") else line)
     return "\n".join(lines) + "\n"
 
@@ -182,7 +183,7 @@ def plain_yaml(value: Any) -> Any:
 
 
 def loads_with_keys(text: str, folder: Path, keys: dict[str, Any], settings: Config) -> bool:
-    """Whether the text, as a file of the folder, loads to the configuration with these keys."""
+    """Whether the text, as a file in the folder, loads to the configuration with these keys."""
     path = hidden_name(folder / "design.yaml")
     try:
         path.write_text(text, "utf-8")

@@ -1,4 +1,4 @@
-"""Results of a search as tables of the commands: headings and rows."""
+"""Results of a search as the tables that the commands print: headings and rows."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 #: Headings and rows of a table.
 Rows = tuple[list[str], list[list[str]]]
-#: The effect of half a rounding step after which the design breaks a limit.
+#: Text for an error of half a rounding step that makes the design break a limit.
 BREAKS = "breaks a limit"
-#: Last parts of the keys of variables whose key has another name.
+#: Last part of a variable's key, if it differs from the variable's name.
 KEYS = {"azimuth_b_deg": "azimuth_deg"} | {
     f"{kind}_{letter}_{key}": key
     for kind, keys in (
@@ -29,19 +29,19 @@ KEYS = {"azimuth_b_deg": "azimuth_deg"} | {
 }
 
 
-#: By aim, what an objective stands for, and this quantity from the number that is minimised.
+#: By aim: name of the printed quantity, and its value from the objective that is minimised.
 QUANTITIES: dict[str, tuple[str, Callable[[float], float]]] = {
     "resolution": ("worst uncertainty", lambda square: max(square, 0.0) ** 0.5),
     "mean-resolution": ("root mean square uncertainty", lambda square: max(square, 0.0) ** 0.5),
     "range": ("times the volume", lambda negative: -negative),
     "condition": ("worst condition number", lambda exponent: 10.0**exponent),
     "weighted": ("weighted sum", lambda value: value),
-    "size": ("head, mm", lambda share: 100 * share),
+    "size": ("head, mm", lambda ratio: 100 * ratio),
 }
 
 
 def objective_quantity(aim: str, objective: float) -> float:
-    """The quantity that an objective stands for, in the unit that is printed."""
+    """The printed quantity of an objective, in its printed unit."""
     return QUANTITIES[aim][1](objective)
 
 
@@ -58,7 +58,7 @@ def objective_text(aim: str, objective: float) -> str:
 
 
 def part_rows(optimum: Optimum, aim: str) -> Rows:
-    """Headings and rows of the choices of parts."""
+    """Headings and rows of the searched choices of parts."""
     headings = ["detectors", "laser", "amplifiers", "price", "weeks", *optimum.names,
                 QUANTITIES[aim][0], "end"]  # fmt: skip
     rows = []
@@ -99,7 +99,7 @@ def value_text(value: Any) -> str:
 
 
 def roundings(made: Rounded | None, names: list[str]) -> dict[str, str]:
-    """Half the rounding step and the effect of such an error, by the last part of a key."""
+    """Half the rounding step and the effect of an error of this size, by the last part of a key."""
     if made is None:
         return {}
     effects = {}
@@ -113,8 +113,8 @@ def roundings(made: Rounded | None, names: list[str]) -> dict[str, str]:
 def comparison_rows(table: dict[str, Any]) -> Rows:
     headings = ["quantity", "before", "after", "after / before", "simulated"]
     rows = []
-    for quantity, before, after, drawn in zip(*table.values(), strict=True):
-        simulated = "" if drawn != drawn else f"{drawn:.3g}"
+    for quantity, before, after, simulated_value in zip(*table.values(), strict=True):
+        simulated = "" if simulated_value != simulated_value else f"{simulated_value:.3g}"
         ratio = f"{after / before:.2f}" if before > 0 < after else ""
         rows.append([str(quantity), f"{before:.3g}", f"{after:.3g}", ratio, simulated])
     return headings, rows

@@ -1,7 +1,7 @@
-"""A layout before and after, by the float model, the measurement range and simulated readings.
+"""Comparison of a layout before and after the search, by ranges, uncertainties and simulation.
 
-None of it comes from the optimiser: its result is verified with the functions that every other
-command uses.
+Nothing here comes from the optimiser: its result is verified with the functions that the other
+commands use.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ if TYPE_CHECKING:
 #: Number of noisy readings at the worst state of each axis, and of random states of the volume.
 DRAWS, RANDOM = 5000, 4000
 FREE = Knowledge()
-#: The value of an uncertainty, or of the distance past an edge, that cannot be computed.
+#: Value of an uncertainty that cannot be computed, and minus that of a distance from an edge.
 LOST = 1e9
 
 
 def worst_states(sensor: Sensor, layout: Layout, rng: np.random.Generator) -> Floats:
-    """States (n, 8) of the mirror: the optimiser's states, random ones between them, and the ends
-    of searches from the worst of these."""
+    """States (n, 8) of the mirror: the optimiser's states, random ones, and the results of searches
+    from the worst of these."""
 
     def values(places: Floats) -> Floats:
         states = mirror_states(places, layout.object, layout.following)
-        room = np.nan_to_num(margins(sensor, states)[:, :, :4].reshape(-1, 12), nan=-LOST)
+        distances = np.nan_to_num(margins(sensor, states)[:, :, :4].reshape(-1, 12), nan=-LOST)
         fine = np.nan_to_num(uncertainties(sensor, states, FREE, layout.object), nan=LOST)
         powers = readings(sensor, states)[:, 2::3]
         conditions = measures(sensor, states)[:, 2:3]
-        return np.concatenate([-fine, room, powers, -conditions], axis=1)
+        return np.concatenate([-fine, distances, powers, -conditions], axis=1)
 
     places = add_worst_states(span_of(layout), values, rng.uniform(-1, 1, (RANDOM, 8)))
     return mirror_states(places, layout.object, layout.following)
@@ -57,9 +57,9 @@ def worst_states(sensor: Sensor, layout: Layout, rng: np.random.Generator) -> Fl
 def simulate_spread(
     sensor: Sensor, states: Floats, rng: np.random.Generator, body: MeasuredObject | None = None
 ) -> Floats:
-    """The spread (6,) of axis i over solves of noisy readings at state i; mm and rad.
+    """The standard deviation (6,) of axis i over solutions of noisy readings at state i; mm, rad.
 
-    body: the object whose axes are meant.
+    body: the object whose displacement is evaluated, if not the mirror's.
     """
     spread = np.empty(6)
     for i, state in enumerate(states):
@@ -75,7 +75,8 @@ def simulate_spread(
 def performance(
     sensor: Sensor, layout: Layout, rules: Rules, rng: np.random.Generator
 ) -> tuple[dict[str, float], Floats]:
-    """Performance by name and unit, NaN if it cannot be computed; and the worst states (6, 8)."""
+    """Quantities by name with unit, NaN if they cannot be computed; and the worst state of each
+    axis, (6, 8)."""
     states = worst_states(sensor, layout, rng)
     sigma = uncertainties(sensor, states, FREE, layout.object)
     values: dict[str, float] = {}
@@ -100,19 +101,20 @@ def performance(
 def compare(
     before: Sensor, after: Sensor, layout: Layout, rules: Rules, seed: int
 ) -> dict[str, NDArray[Any]]:
-    """A table: quantity, before, after, simulated (the spread of solves at the worst state, after).
+    """A table with columns quantity, before, after, and simulated (standard deviation of solutions
+    at the worst state, after).
 
-    Uncertainties, condition, room and power are the worst over the volume; ranges are symmetric,
-    both sides together.
+    Uncertainties, condition, clearance and power are the worst over the volume; ranges are
+    symmetric, both sides together.
     """
     rng = np.random.default_rng(seed)
     old, _ = performance(before, layout, rules, rng)
     new, worst = performance(after, layout, rules, rng)
     spread = simulate_spread(after, worst, rng, layout.object) / FINE_UNITS[:6]
-    drawn = np.concatenate([spread, np.full(len(new) - 6, np.nan)])
+    simulated = np.concatenate([spread, np.full(len(new) - 6, np.nan)])
     return {
         "quantity": np.array(list(new)),
         "before": np.array(list(old.values())),
         "after": np.array(list(new.values())),
-        "simulated": drawn,
+        "simulated": simulated,
     }
