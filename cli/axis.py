@@ -149,7 +149,7 @@ def read_poses(source: Path, config: str | None, point: str | None) -> tuple[Con
         columns = solve_recording(playback)
         if not columns:
             raise InputError(f"{source}: no samples")
-        return settings, axis_tests.visits.recorded_series(columns)
+        return settings, axis_tests.visits.series_of_columns(columns)
     files.tables.require_table(source)
     if config is None:
         raise InputError(

@@ -13,7 +13,7 @@ else:
             "report": "evaluate_axis",
             "visits": (
                 "PoseSeries approach_directions find_visits match_stands "
-                "measured_directions read_commands read_series recorded_series"
+                "measured_directions read_commands read_series series_of_columns"
             ),
         },
     )

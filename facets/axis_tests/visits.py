@@ -99,11 +99,13 @@ class VisitCounts:
     doubtful: tuple[float, ...] = ()
 
 
-def recorded_series(columns: dict[str, Any]) -> PoseSeries:
-    """The poses of a recording from the columns of its table."""
-    states = np.column_stack([columns[name] for name in STATE_COLUMNS]) * STATE_UNITS
-    time = columns["host_s"] - columns["host_s"][0]
-    return PoseSeries(time, states, columns["misfit"] > 0, detectors_of(columns["used"]))
+def series_of_columns(columns: dict[str, Any], clock: str = "host_s") -> PoseSeries:
+    """The poses of a table's or a recording's columns.  clock: the column of times, s."""
+    time = columns[clock]
+    zero = np.zeros(len(time))
+    states = np.column_stack([columns.get(name, zero) for name in STATE_COLUMNS]) * STATE_UNITS
+    used = detectors_of(columns["used"]) if "used" in columns else None
+    return PoseSeries(time - time[0], states, columns.get("misfit", zero) > 0, used)
 
 
 def read_series(path: Source) -> PoseSeries:
@@ -117,7 +119,7 @@ def read_series(path: Source) -> PoseSeries:
             f"{path}: "
             + ("missing column: time_s (or host_s, a recording's)" if rows else "no rows")
         )
-    columns = join_columns(parts)
+    columns: dict[str, Any] = join_columns(parts)
     time = columns[name]
     bad = np.flatnonzero(~np.isfinite(time) | (np.diff(time, prepend=-np.inf) <= 0))
     if len(bad):
@@ -125,11 +127,8 @@ def read_series(path: Source) -> PoseSeries:
             f"{path}: row {bad[0] + 1}: {name} is {time[bad[0]]:g}; the times of all rows must "
             "ascend, so that the table holds one motion"
         )
-    zero = np.zeros(rows)
-    states = np.column_stack([columns.get(key, zero) for key in STATE_COLUMNS]) * STATE_UNITS
     words = read_words(path, "used")
-    used = None if words is None else detectors_of(words)
-    return PoseSeries(time - time[0], states, columns.get("misfit", zero) > 0, used)
+    return series_of_columns(columns if words is None else columns | {"used": words}, name)
 
 
 def read_commands(path: Source, axis: str) -> Commands:
@@ -415,10 +414,7 @@ def excess_scatter(series: PoseSeries, parts: list[slice], noise: Floats) -> Flo
     long = [n for n, some in enumerate(rows) if len(some) >= SCATTER_ROWS]
     if not long:
         return np.ones(6)
-    joined = np.concatenate([rows[n] for n in long])
-    ends = np.cumsum([len(rows[n]) for n in long])
-    slices = [slice(int(end) - len(rows[n]), int(end)) for n, end in zip(long, ends, strict=True)]
-    measured = per_row(joined, slices, np.ones((len(long), 6)))
+    measured = per_row([rows[n] for n in long], np.ones((len(long), 6)))
     expected = np.median(np.diagonal(noise[long], axis1=1, axis2=2)[:, :6], axis=0)
     excess: Floats = np.sqrt(np.maximum(1.0, measured / np.maximum(expected, 1e-300)))
     return excess

@@ -13,7 +13,7 @@ from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
 from ..model.arrays import half_sizes, mask_missed_spots
 from . import electrodes
-from .noise import current_variances, electrode_currents, has_two_layers
+from .noise import add_current_noise, electrode_currents, has_two_layers
 
 #: Flags of a faulty sample: a converter at its end; or the sums along y and z of a duo-lateral PSD,
 #: which measure the same light, differ by more than MISMATCH.
@@ -37,8 +37,7 @@ def readings_to_counts(
     light = mask_missed_spots(sensor, exact, exact).reshape(-1, 3, 3)
     currents = np.nan_to_num(electrode_currents(electronics, half_sizes(sensor), light))
     if rng is not None:
-        var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
-        currents = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
+        currents = add_current_noise(electronics, currents, rng)
     counts = np.round(currents.reshape(-1, 12) * counts_per_ampere(electronics))
     top = 2**electronics.adc_bits - 1
     return np.clip(counts, -top, top).astype(np.int32)

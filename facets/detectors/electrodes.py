@@ -68,14 +68,20 @@ def side_potential(towards: Floats, along: Floats, aspect: float) -> Floats:
 
 def ratios(kind: str, currents: Floats) -> Floats:
     """The two coordinates that the kind's formula gives for the electrodes' currents (..., 4)."""
-    low_y, high_y, low_z, high_z = (currents[..., k] for k in range(4))
-    if kind == "pincushion":
-        a, b, c, d = low_y, high_y, low_z, high_z
-        low_y, high_y, low_z, high_z = a + c, b + d, a + b, c + d
-    out = np.empty((*currents.shape[:-1], 2))
-    out[..., 0] = (high_y - low_y) / (high_y + low_y)
-    out[..., 1] = (high_z - low_z) / (high_z + low_z)
-    return out
+    ends = end_sums(kind, currents[..., None])[..., 0]
+    low, high = ends[..., 0], ends[..., 1]
+    quotients: Floats = (high - low) / (high + low)
+    return quotients
+
+
+def end_sums(kind: str, parts: Floats) -> Floats:
+    """Sum the electrodes' parts (..., 4, m) over those that light moves away from, and those it
+    moves towards, along y and along z: (..., 2, 2, m)."""
+    shape = (*parts.shape[:-2], 2, 2, parts.shape[-1])
+    if kind != "pincushion":
+        return parts.reshape(shape)
+    a, b, c, d = (parts[..., k, :] for k in range(4))
+    return np.stack([a + c, b + d, a + b, c + d], axis=-2).reshape(shape)
 
 
 def total(kind: str, currents: Floats) -> Floats:

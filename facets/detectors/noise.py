@@ -149,7 +149,7 @@ def current_variances(electronics: Electronics, currents: Floats, together: bool
     dark = (e.dark_current + 1e-3 * e.responsivity * e.ambient) / (2 if has_two_layers(e) else 4)
     thermal = 4 * BOLTZMANN * e.temperature * band
     amplifier = (e.voltage_noise / e.resistance) ** 2 + e.current_noise**2
-    step = e.adc_range / 2**e.adc_bits / e.transimpedance
+    step = step_current(e)
     even = [
         2 * CHARGE * dark * band,
         thermal / e.resistance,
@@ -206,7 +206,7 @@ def reading_variances(
     """Propagate variances of currents (..., 3, 4, m) to psi, zeta and power of each detector (...,
     3, 3, m)."""
     kind, out = electronics.kind, np.empty((*exact.shape, var.shape[-1]))
-    flow, noise = end_sums(kind, currents[..., None]), end_sums(kind, var)
+    flow, noise = (electrodes.end_sums(kind, parts) for parts in (currents[..., None], var))
     below, above = flow[..., 0, :], flow[..., 1, :]
     square = above**2 * noise[..., 0, :] + below**2 * noise[..., 1, :]
     whole = (below + above) ** 2
@@ -233,7 +233,7 @@ def step_variances(sensor: Sensor, reading: ArrayLike, share: ArrayLike = 1.0) -
     if sensor.electronics is None:
         return np.zeros_like(exact)
     electronics, half, parts = sensor.electronics, half_sizes(sensor), split_detectors(exact)
-    step = electronics.adc_range / 2**electronics.adc_bits / electronics.transimpedance
+    step = step_current(electronics)
     currents = electrode_currents(electronics, half, parts)
     noise = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
     noise = noise * np.broadcast_to(share, exact.shape[:-1])[..., None, None] / step**2
@@ -292,16 +292,6 @@ def two_layer_place_variance(place: Any, half: Any, light: Any, noise: TwoLayerN
 
 def two_layer_power_variance(light: Any, noise: TwoLayerNoise) -> Any:
     return (noise.shot * abs(light) / 2 + noise.even) / noise.gain**2
-
-
-def end_sums(kind: str, parts: Floats) -> Floats:
-    """Sum the electrodes' parts (..., 4, m) over those that light moves away from, and those it
-    moves towards, along y and along z: (..., 2, 2, m)."""
-    shape = (*parts.shape[:-2], 2, 2, parts.shape[-1])
-    if kind != "pincushion":
-        return parts.reshape(shape)
-    a, b, c, d = (parts[..., k, :] for k in range(4))
-    return np.stack([a + c, b + d, a + b, c + d], axis=-2).reshape(shape)
 
 
 @check_arguments
@@ -368,6 +358,20 @@ def largest_current(electronics: Electronics) -> float:
     return electronics.adc_range / electronics.transimpedance
 
 
+def step_current(electronics: Electronics) -> float:
+    """The current of an electrode that is one step of its converter, A."""
+    return largest_current(electronics) / 2.0**electronics.adc_bits
+
+
+def add_current_noise(
+    electronics: Electronics, currents: Floats, rng: np.random.Generator
+) -> Floats:
+    """Add the noise of all sources but the converter to electrodes' currents (..., 4), A."""
+    var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
+    noisy: Floats = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
+    return noisy
+
+
 def fullness(sensor: Sensor, exact: Floats) -> Floats:
     """The largest current of each detector's electrodes over that at the end of their amplifiers'
     and converters' range (..., 3), for readings (..., 9) without noise; 0 without electronics.
@@ -390,11 +394,8 @@ def sample_detector(
 ) -> Floats:
     """Psi, zeta and power (..., 3) of a detector of half size (2,) from its sampled currents."""
     kind = electronics.kind
-    # All sources but the ADC.
-    var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
-    drawn = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
-    full = largest_current(electronics)
-    step = full / 2**electronics.adc_bits
+    drawn = add_current_noise(electronics, currents, rng)
+    step = step_current(electronics)
     if rounded:
         read = step * np.round(drawn / step)
     else:
@@ -404,5 +405,7 @@ def sample_detector(
         place = electrodes.places(kind, read, half[1] / half[0])
         out[..., :2] = half * place
     out[..., 2] = electrodes.total(kind, read) / (1e-3 * electronics.responsivity)
-    out[(read > full).any(axis=-1) | ~np.isfinite(out).all(axis=-1)] = np.nan
+    out[(read > largest_current(electronics)).any(axis=-1) | ~np.isfinite(out).all(axis=-1)] = (
+        np.nan
+    )
     return out

@@ -186,7 +186,10 @@ def step_uncertainties(
         first, second = (propagate_in_light(sensor, ends, plan) for ends in some)
         whole = covariance_of_mean(first, samples) + covariance_of_mean(second, samples)
         if sensor.calibration is not None:
-            whole += covariance_of_difference(sensor.calibration, (first, second), some)
+            assert first.slopes is not None
+            shares = common_shares(sensor.calibration, (first, second), some)
+            slopes = -first.slopes, second.slopes
+            whole += covariance_of_sum(sensor.calibration, slopes, shares)
         out[part] = root_of_diagonal(whole)
     return out
 
@@ -209,15 +212,6 @@ def covariance_of_mean(propagation: Propagation, samples: int) -> Floats:
     stay."""
     whole: Floats = propagation.noise / samples + (propagation.statistical - propagation.noise)
     return whole
-
-
-def covariance_of_difference(
-    known: Calibration, ends: tuple[Propagation, Propagation], states: tuple[Floats, Floats]
-) -> Floats:
-    """The calibration's part (n, 8, 8) of the covariance of states (n, 8) less others."""
-    first, second = (end.slopes for end in ends)
-    assert first is not None
-    return covariance_of_sum(known, (-first, second), common_shares(known, ends, states))
 
 
 def covariance_of_sum(

@@ -128,7 +128,7 @@ def dwell_means(columns: dict[str, Floats], pose: Floats, sigma: Floats) -> Dwel
     rows = np.array([part.stop - part.start for part in parts], dtype=float)
     readings = np.column_stack([columns[name] for name in READING_COLUMNS])
     share = shares(np.column_stack([means[name] for name in READING_COLUMNS]))
-    spread = per_row(readings, parts, share)
+    spread = per_row([readings[part] for part in parts], share)
     noise = share * np.sqrt(spread / np.maximum(rows, 1)[:, None])
     left_out = len(pose) - int(rows.sum())
     return Dwells(means, noise, rows, left_out)
@@ -157,20 +157,20 @@ def shares(means: Floats) -> Floats:
     return noise_shares
 
 
-def per_row(readings: Floats, parts: list[slice], share: Floats) -> Floats:
-    """The variance (d,) of one row (n, d), from the scatter of the means of parts of all stands.
+def per_row(stands: list[Floats], share: Floats) -> Floats:
+    """The variance (d,) of one row of stands (n, d) each, from the scatter of the means of parts of
+    all stands; NaN without any.
 
     share: (m, d) of the noise. For white noise it is the row's variance; for noise that lasts
     longer than a part, much more.
     """
     variances = []
-    for part, over in zip(parts, share, strict=True):
-        rows = readings[part]
+    for rows, over in zip(stands, share, strict=True):
         length = len(rows) // PARTS
         means = rows[: PARTS * length].reshape(PARTS, length, -1).mean(axis=1)
         variances.append(length * means.var(axis=0, ddof=1) / over**2)
     if not variances:
-        return np.full(readings.shape[1], np.nan)
+        return np.full(share.shape[1], np.nan)
     return median(np.array(variances)) / MEDIAN_OF_VARIANCE
 
 

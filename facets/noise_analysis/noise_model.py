@@ -8,6 +8,7 @@ estimates with variances by S.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,9 +104,8 @@ def fit_noise(signal: Floats, rate: float) -> NoiseModel:
     spiky = find_spikes(filled)
     clean = fill(np.where(spiky, np.nan, filled))
     time = np.arange(len(clean)) / rate
-    mean, slope = float(clean.mean()), slope_of(clean, time)
-    rest = clean - mean - slope * (time - time.mean())
-    lines: list[tuple[float, float]] = []
+    lines: list[float] = []
+    coefficients, rest = fit_lines(clean, time, lines)
     for _ in range(3):  # lines hide noise, and noise hides lines
         frequency, power = periodogram(rest, rate)
         white, flicker = fit_spectrum(frequency, power)
@@ -114,24 +114,21 @@ def fit_noise(signal: Floats, rate: float) -> NoiseModel:
         if not new:
             break
         lines += new
-        matrix = line_matrix(time, [f for f, _ in lines])
-        coefficients = np.linalg.solve(matrix.T @ matrix, matrix.T @ (clean - mean))
-        slope = coefficients[-1]
-        rest = clean - mean - matrix @ coefficients
-        lines = [(f, float(np.hypot(*coefficients[2 * n : 2 * n + 2])))
-                 for n, (f, _) in enumerate(lines)]  # fmt: skip
+        coefficients, rest = fit_lines(clean, time, lines)
     frequency, power = periodogram(rest, rate)
     white, flicker = fit_spectrum(frequency, power)
     length = len(clean) / rate
     sigma = slope_sigma(time, rate, white.value, flicker.value)
+    amplitudes = np.hypot(coefficients[:-1:2], coefficients[1:-1:2]).tolist()
     named = tuple(
         SpectralLine(
             f, Estimate(a, float(np.sqrt(density(f, white, flicker) / length))), name_of(f)
         )
-        for f, a in sorted(lines)
+        for f, a in sorted(zip(lines, amplitudes, strict=True))
     )
     return NoiseModel(
-        rate, length, mean, white, flicker, named, Estimate(float(slope), sigma),
+        rate, length, float(clean.mean()), white, flicker, named,
+        Estimate(float(coefficients[-1]), sigma),
         int((spiky & there).sum()), 1 - float(there.mean()),
     )  # fmt: skip
 
@@ -156,11 +153,6 @@ def find_spikes(signal: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_
     apart[:2] = apart[-2:] = 0.0
     scale = 1.4826 * float(np.median(apart))
     return apart > 8 * scale if scale > 0 else np.zeros(len(signal), bool)
-
-
-def slope_of(signal: Floats, time: Floats) -> float:
-    centred = time - time.mean()
-    return float(centred @ signal / (centred @ centred))
 
 
 def slope_sigma(time: Floats, rate: float, white: float, flicker: float) -> float:
@@ -221,17 +213,17 @@ def fit_spectrum(frequency: Floats, power: Floats) -> tuple[Estimate, Estimate]:
 
 def find_lines(
     rest: Floats, rate: float, frequency: Floats, power: Floats, expected: Floats, most: int
-) -> list[tuple[float, float]]:
-    """Frequencies and relative powers of lines above the noise, the strongest first."""
+) -> list[float]:
+    """Frequencies of lines above the noise, the strongest first."""
     over = power / expected
     limit = np.log(len(over) / CHANCE)
-    lines: list[tuple[float, float]] = []
+    lines: list[float] = []
     step = frequency[1] - frequency[0]
     for n in np.argsort(over)[::-1][: 8 * most]:
         if over[n] < limit or len(lines) == most:
             break
-        if all(abs(frequency[n] - other) > 4 * step for other, _ in lines):
-            lines.append((find_peak(rest, rate, float(frequency[n]), step), float(over[n])))
+        if all(abs(frequency[n] - other) > 4 * step for other in lines):
+            lines.append(find_peak(rest, rate, float(frequency[n]), step))
     return lines
 
 
@@ -255,7 +247,21 @@ def find_peak(signal: Floats, rate: float, about: float, step: float) -> float:
     return about + float(minimize_scalar(less, bounds=(-step, step), method="bounded").x)
 
 
-def line_matrix(time: Floats, frequencies: list[float]) -> Floats:
+def fit_lines(
+    signals: Floats, time: Floats, frequencies: Sequence[float] = ()
+) -> tuple[Floats, Floats]:
+    """Fit k sinusoids and a drift to signals (n,) or (n, m) by least squares.
+
+    Returns the coefficients (2 k + 1,) or (2 k + 1, m), cosine and sine of each frequency and the
+    slope, and what remains of the signals without their means.
+    """
+    matrix = line_matrix(time, frequencies)
+    centred = signals - signals.mean(axis=0)
+    coefficients = np.linalg.solve(matrix.T @ matrix, matrix.T @ centred)
+    return coefficients, centred - matrix @ coefficients
+
+
+def line_matrix(time: Floats, frequencies: Sequence[float]) -> Floats:
     """The matrix (n, 2 m + 1) of sinusoids and of a slope."""
     angle = 2 * np.pi * np.outer(time - time.mean(), frequencies)
     waves = np.stack([np.cos(angle), np.sin(angle)], axis=-1).reshape(len(time), -1)

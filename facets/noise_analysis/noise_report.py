@@ -15,7 +15,7 @@ from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..files.columns import row_times
 from .allan import Allan, allan
-from .noise_model import MIN_SAMPLES, NoiseModel, fit_noise
+from .noise_model import MIN_SAMPLES, NoiseModel, fit_lines, fit_noise
 from .rest import Columns, RecordingSection, find_faults
 
 if TYPE_CHECKING:
@@ -101,6 +101,7 @@ def report_of(
     piece = longest_section(columns, name)
     rows, rate = piece.rows, piece.rate
     channels = []
+    readings = np.stack([columns[column][rows] for column in READING_COLUMNS], axis=1)
     for n, (column, (scale, unit)) in enumerate(CHANNELS.items()):
         on_progress(n, len(CHANNELS))
         signal = scale * piece.resample(columns[column])
@@ -108,9 +109,8 @@ def report_of(
             model = fit_noise(signal, rate)
         except ValueError as error:
             raise InputError(f"{name}: {column}: {error}") from None
-        stated = configured_deviation(column, columns, rows, config) * scale
+        stated = configured_deviation(column, columns, rows, readings, config) * scale
         channels.append(Channel(column, unit, signal, model, allan(signal, rate), stated))
-    readings = np.stack([columns[column][rows] for column in READING_COLUMNS], axis=1)
     by_name = {channel.name: channel for channel in channels}
     position, at_power = position_noise(by_name, readings, config)
     power, common = power_noise(by_name, readings)
@@ -145,10 +145,11 @@ def longest_section(columns: Columns, name: str) -> RecordingSection:
     return RecordingSection(rows, seq, float((seq[-1] - seq[0]) / (time[-1] - time[0])))
 
 
-def configured_deviation(name: str, columns: Columns, rows: slice, config: Config) -> float:
+def configured_deviation(
+    name: str, columns: Columns, rows: slice, readings: Floats, config: Config
+) -> float:
     """The configuration's standard deviation of one sample, in the column's unit."""
     if name in READING_COLUMNS:
-        readings = np.stack([columns[column][rows] for column in READING_COLUMNS], axis=1)
         whole = np.isfinite(readings).all(axis=1)
         if not whole.any():
             return float("nan")
@@ -183,9 +184,7 @@ def power_noise(channels: dict[str, Channel], readings: Floats) -> tuple[float, 
     powers = readings[:, 2::3]
     powers = powers[np.isfinite(powers).all(axis=1)]
     mean = powers.mean(axis=0)
-    rest = powers / mean - 1
-    time = np.arange(len(rest)) - (len(rest) - 1) / 2
-    rest = rest - rest.mean(axis=0) - np.outer(time, time @ rest / (time @ time))
+    rest = fit_lines(powers / mean, np.arange(float(len(powers))))[1]
     covariance = np.cov(rest.T)
     common = max(0.0, float((covariance.sum() - np.trace(covariance)) / 6))
     variances = np.array([

@@ -33,7 +33,7 @@ from ..detectors.noise import least_light
 from ..estimation.solver import solve
 from ..model.arrays import jacobian
 from .allan import allan
-from .noise_model import NoiseModel, fill, find_spikes, fit_noise, line_matrix
+from .noise_model import NoiseModel, fill, find_spikes, fit_lines, fit_noise
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -171,8 +171,7 @@ class Steady:
         self.total = every[:, 2::3].sum(axis=1)
         scaled = 1e3 * every
         scaled[:, 2::3] /= self.total[:, None]
-        for n in range(9):
-            scaled[:, n] = fill(np.where(find_spikes(scaled[:, n]), np.nan, scaled[:, n]))
+        scaled = clean_spikes(scaled)
         self.time = np.arange(len(scaled)) / piece.rate
         self.length = len(scaled) / piece.rate
         self.models = [
@@ -180,11 +179,10 @@ class Steady:
             for n, model in enumerate(models)
         ]
         lines = mains_lines(self.models)
-        self.slope, self.hum, self.rest = remove_lines(scaled, self.time, lines)
-        powers = 1e3 * every[:, 2::3] / self.total.mean()
-        for n in range(3):
-            powers[:, n] = fill(np.where(find_spikes(powers[:, n]), np.nan, powers[:, n]))
-        self.powers = remove_lines(powers, self.time, lines)[2]
+        coefficients, self.rest = fit_lines(scaled, self.time, lines)
+        self.slope, self.hum = coefficients[-1], (coefficients[:-1] ** 2).sum(axis=0) / 2
+        powers = clean_spikes(1e3 * every[:, 2::3] / self.total.mean())
+        self.powers = fit_lines(powers, self.time, lines)[1]
         count = max(8, min(SEGMENTS, len(scaled) // MIN_SEGMENT_SAMPLES))
         self.segments = np.array_split(np.arange(len(scaled)), count)
         variances = [segment_variance(self.rest[rows]) for rows in self.segments]
@@ -379,23 +377,16 @@ def mains_lines(models: Sequence[NoiseModel]) -> list[float]:
     return frequencies
 
 
-def remove_lines(
-    signals: Floats, time: Floats, frequencies: list[float]
-) -> tuple[Floats, Floats, Floats]:
-    """Slopes (m,), variances of sinusoids (m,), and the remaining signals (n, m)."""
-    matrix = line_matrix(time, frequencies)
-    centred = signals - signals.mean(axis=0)
-    coefficients = np.linalg.solve(matrix.T @ matrix, matrix.T @ centred)
-    waves = (coefficients[:-1] ** 2).sum(axis=0) / 2
-    return coefficients[-1], waves, centred - matrix @ coefficients
+def clean_spikes(signals: Floats) -> Floats:
+    """Signals (n, m) without gaps, and interpolated where they have spikes."""
+    columns = (fill(np.where(find_spikes(signal), np.nan, signal)) for signal in signals.T)
+    return np.stack([*columns], axis=1)
 
 
 def segment_variance(part: Floats) -> Floats:
     """Variances of the columns of (n, m) about their own lines."""
-    place = np.arange(len(part)) - (len(part) - 1) / 2
-    centred = part - part.mean(axis=0)
-    centred = centred - np.outer(place, place @ centred / (place @ place))
-    variance: Floats = (centred**2).sum(axis=0) / (len(part) - 2)
+    rest = fit_lines(part, np.arange(float(len(part))))[1]
+    variance: Floats = (rest**2).sum(axis=0) / (len(part) - 2)
     return variance
 
 

@@ -36,6 +36,8 @@ MISFIT_SHARE = 1e-3
 #: Of twentieths of the recording, the zero moved if the means of the last two and of the first two
 #: differ by this many usual steps, and by this share of the motion's standard deviation.
 MOVED_STEPS, MOVED_SHARE = 8.0, 0.2
+#: Number of bands that a sentence names.
+MAX_BANDS = 3
 #: What else lowers the coherence.
 POSSIBLE_CAUSES = (
     "another force, play or a non-linear spring, peaks narrower than the lines, a jump of the "
@@ -177,13 +179,13 @@ def clipped_shares(stimulus: Floats) -> Iterator[float]:
             yield float(at_end.mean())
 
 
-def bands(frequency: Floats, chosen: Booleans, most: int = 3) -> str:
+def bands(frequency: Floats, chosen: Booleans) -> str:
     """The widest bands of chosen lines in words: "from 1 to 4 Hz, and from 90 to 500 Hz"."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(np.int8)))
     pairs = list(zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True))
-    widest = sorted(sorted(pairs, key=lambda pair: pair[0] - pair[1])[:most])
+    widest = sorted(sorted(pairs, key=lambda pair: pair[0] - pair[1])[:MAX_BANDS])
     texts = [f"from {frequency[a]:.4g} to {frequency[b]:.4g} Hz" for a, b in widest]
-    return " and ".join(texts) + (", and elsewhere" if len(pairs) > most else "")
+    return " and ".join(texts) + (", and elsewhere" if len(pairs) > MAX_BANDS else "")
 
 
 def light_limits(signals: ResponseSignals) -> Iterator[str]:

@@ -26,7 +26,7 @@ from facets.axis_tests import (
     measure_error_motions,
     read_commands,
     read_series,
-    recorded_series,
+    series_of_columns,
 )
 from facets.core import STATE_COLUMNS, STATE_UNITS, Knowledge
 from facets.estimation import make_plan
@@ -219,7 +219,7 @@ def test_a_recording_and_a_table_have_the_same_poses(tmp_path):
     columns |= {"host_s": np.array([7.0, 7.5]), "misfit": np.array([0, 3])}
     bits, words = {"used": np.array([3, 7])}, {"used": np.array(["ab", "abc"])}
     write_table(tmp_path / "poses.csv", columns | words, {})
-    for poses in (recorded_series(columns | bits), read_series(tmp_path / "poses.csv")):
+    for poses in (series_of_columns(columns | bits), read_series(tmp_path / "poses.csv")):
         assert poses.used.tolist() == [[True, True, False], [True, True, True]]
         assert poses.time.tolist() == [0, 0.5]
         assert poses.misfit.tolist() == [False, True]
