@@ -181,7 +181,7 @@ CASES: list[Fault] = [
          add("mirror", axis(0, 2e-3), hum(0.2137)), "oscillated"),
     case("environment", "beam hums at one frequency", add("beam", [1e-3, 5e-4], hum(0.3117)),
          "oscillated"),
-    case("detectors", "remember 0.3 %", remember(0.003), "keep a share"),
+    case("detectors", "remember 0.3 %", remember(0.003), "retain a fraction"),
     case("electronics", "amplifiers bend", bend_currents(lambda i, bend: i * (1 + bend * i), 0.05),
          "bend"),
     case("electronics", "amplifiers saturate", bend_currents(np.minimum, 0.09),

@@ -27,7 +27,7 @@ from ..estimation.plan import make_plan
 from ..estimation.uncertainty import redundancies
 from ..model.arrays import EFFECTS, readings, spot_size
 from .alternatives.alternative import (
-    MOST_ROWS_LISTED,
+    MAX_LISTED_ROWS,
     Finding,
     capitalise,
     describe_pose,
@@ -431,7 +431,7 @@ def scatter_findings(scatter: Scatter, least: float) -> list[Finding]:
     ]
     rivals = [key for key in scatter.others if key not in keys]
     others = " or ".join(SCATTER[key].words for key in rivals)
-    apart = "; ".join(SCATTER[key].apart for key in (*keys, *rivals))
+    apart = "; ".join(SCATTER[key].measurement for key in (*keys, *rivals))
     rest = (
         f" It could be {others} as well: these samples cannot tell. To tell them apart: {apart}."
         if others else ""
@@ -521,8 +521,8 @@ def outlier_findings(
     """
     if not rows:
         return []
-    listed = ", ".join(str(row) for row in rows[:MOST_ROWS_LISTED])
-    more = f" and {len(rows) - MOST_ROWS_LISTED} more" if len(rows) > MOST_ROWS_LISTED else ""
+    listed = ", ".join(str(row) for row in rows[:MAX_LISTED_ROWS])
+    more = f" and {len(rows) - MAX_LISTED_ROWS} more" if len(rows) > MAX_LISTED_ROWS else ""
     excluded = np.isin(row_numbers(data), rows)
     common, cause = common_of_outliers(sensor, data, excluded, result)
     return [Finding(False, (

@@ -45,7 +45,7 @@ from ..estimation.solver import solve
 from ..estimation.uncertainty import parameter_derivatives
 from ..model.arrays import jacobian, readings
 from ..model.beam_shape import SHAPE, shape_of
-from .alternatives.alternative import APART_CHANCE, Alternative, chance_of, log_chance
+from .alternatives.alternative import RIVAL_FACTOR, Alternative, chance_of, log_chance
 from .alternatives.entries import BY_KEY, lengths
 from .alternatives.score import falls_of
 from .fitting.bundle_adjustment import Data
@@ -477,7 +477,7 @@ class StopComparison:
             size[axes] = amounts[0]
             scores.append((chance, alternative, describe_size(alternative, size)))
         scores.sort(key=lambda score: score[0])
-        limit = min(np.log(LEAST_CHANCE), scores[0][0] + np.log(APART_CHANCE))
+        limit = min(np.log(LEAST_CHANCE), scores[0][0] + np.log(RIVAL_FACTOR))
         return [(alternative, size) for chance, alternative, size in scores if chance < limit]
 
 

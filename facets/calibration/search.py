@@ -22,7 +22,7 @@ import numpy as np
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import EFFECTS
-from .alternatives.alternative import WORTH_MORE, chance_of
+from .alternatives.alternative import MIN_ADDED_FALL, chance_of
 from .alternatives.scatter import (
     BEAM_SCATTER,
     NO_SCATTER,
@@ -194,7 +194,7 @@ def rank_candidates(
         if group := remaining[best].effect.rivals:
             rivals = [n for n in good if remaining[n].effect.rivals == group]
             worth = {n: tried[n].fall - 2 * tried[n].unknowns for n in rivals}  # Akaike
-            best = next(n for n in rivals if worth[n] > max(worth.values()) - WORTH_MORE)
+            best = next(n for n in rivals if worth[n] > max(worth.values()) - MIN_ADDED_FALL)
         decisions.append(tried[best])
         chosen, before = wider[best], after[best]
         del remaining[best]

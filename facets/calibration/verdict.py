@@ -33,7 +33,7 @@ from .alternatives.judge import (
 )
 from .alternatives.remainder import Remainder, rise_without
 from .alternatives.scatter import fit_steady_laser
-from .alternatives.score import score_courses
+from .alternatives.score import score_bases
 from .candidates import SIGMAS, Candidate, candidates, open_bends
 from .checks import add_written_steps, check_columns, exclude_edge_readings, reference_steps
 from .findings import (
@@ -349,7 +349,7 @@ def follow_temperature(
     wide = add_cheap_candidates(every, plain.fit.choice)
     fitted = replace(plain.fit, choice=wide)
     rest = Remainder(sensor, plain.data, fitted, robust)
-    best = int(score_courses(rest, "temperature", drift_columns(rest), warmth(rest)).at[0])
+    best = int(score_bases(rest, "temperature", drift_columns(rest), warmth(rest)).at[0])
     return replace(plain, screened=plain.screened.follow(best), data=plain.data.follow(best))
 
 

@@ -131,7 +131,7 @@ def bend_amplifiers(sensor, state, exact):
     ("alter", "words"),
     [
         (chip, "the mirror's tip is chipped on facet A"),
-        (remember, "detectors or their amplifiers keep a share of the reading before (up to 0.3"),
+        (remember, "retain a fraction of the previous reading (up to 0.3"),
         (tarnish, "a facet reflects unevenly, as one that is tarnished (by up to 5"),
         (scatter, "light of one facet falls on another detector"),
         (give_way, "a facet yields as the mirror turns (A, by up to"),
@@ -139,7 +139,7 @@ def bend_amplifiers(sensor, state, exact):
          "zero (every 40 rows)"),
         (oblique_window, "there are fringes of the window of detector B (0.9 mm apart)"),
         *(pytest.param(*case, marks=pytest.mark.slow) for case in (
-            (reflex, "there is a second reflex beside the beam"),
+            (reflex, "there is a second reflex next to the beam"),
             (bend_amplifiers, "the amplifiers bend"),
             (leak, "currents of one detector leak into the channels of another (up to 0.5"),
             (fringe, "there are fringes across the beam"),

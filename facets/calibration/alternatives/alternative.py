@@ -1,4 +1,4 @@
-"""What an alternative is: one of the things that could explain the residuals of a fit, as data."""
+"""Alternatives: possible causes of a fit's residuals, described as data."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from ...core.units import Floats
 if TYPE_CHECKING:
     from ..fitting.bundle_adjustment import Data
 
-#: Of fewer columns than this nothing is left beside the unknowns and what was known before.
-MIN_COUNT = 0.1
-#: The chance below which something is told.
-TOLD_CHANCE = 1e-5
-#: What is so many times less likely than another thing cannot be excluded.
-APART_CHANCE = 20.0
-#: The fall of chi-square, or of -2 log L, that is worth one more thing beside others.
-WORTH_MORE = 10.0
-#: Of many trials that are screened, so many are made in earnest.
-LAST_TRIALS = 4
-#: How many rows a sentence lists.
-MOST_ROWS_LISTED = 12
+#: With fewer free columns than this, the unknowns and priors explain the whole alternative.
+MIN_FREE_COLUMNS = 0.1
+#: Alternatives less likely by chance than this are reported.
+REPORT_PROBABILITY = 1e-5
+#: An alternative up to this many times less likely than the best one cannot be excluded.
+RIVAL_FACTOR = 20.0
+#: The least fall of chi-square, or of -2 log L, for which one more cause is added to others.
+MIN_ADDED_FALL = 10.0
+#: Number of screened trials that are then evaluated exactly.
+EXACT_TRIALS = 4
+#: Maximum number of rows that a sentence lists.
+MAX_LISTED_ROWS = 12
 #: The groups of alternatives, in words.
 GROUPS = {
     "light": "the light",
@@ -37,23 +37,26 @@ GROUPS = {
     "environment": "the surroundings",
     "table": "the table",
 }
-#: The groups of what stays with the sensor.
-OF_SENSOR = ("light", "facets", "detectors", "electronics")
-#: How something moved during a calibration, as a verb, by key.
-COURSES = {
+#: Groups of alternatives that remain with the sensor.
+SENSOR_GROUPS = ("light", "facets", "detectors", "electronics")
+#: Changes of a component during a calibration, as verbs, by key.
+CHANGE_VERBS = {
     "jumped": "jumped",
     "drifted": "drifted",
     "oscillated": "oscillated",
     "warmed": "followed the temperature",
 }
-#: What goes on in no later pose, or as the sensor's own temperature coefficients have it.
-OF_RUN = ("jumped", "drifted", "warmed")
+#: Changes that end with the calibration run, or that the sensor's temperature coefficients
+#: describe in later poses.
+NOT_PERSISTENT = ("jumped", "drifted", "warmed")
 
 
 class Finding(NamedTuple):
-    """A finding.  bad: whether it forbids to use the calibration.  words: a whole sentence.
-    causes: the keys of the alternatives that it names, more than one where the samples cannot tell
-    which."""
+    """A result of the checks, in words.
+
+    bad: whether it forbids to use the calibration.  words: full sentences.  causes: the keys of the
+    alternatives that it names, more than one if the samples cannot distinguish them.
+    """
 
     bad: bool
     words: str
@@ -63,12 +66,13 @@ class Finding(NamedTuple):
 class Trace(NamedTuple):
     """The part of the residuals that an alternative would explain.
 
-    key: of the alternative.  fall: of chi-square, by `free` columns beside those of the unknowns,
-    the largest of a number of trials, whose logarithm is `log_trials`.  columns: (n, 9, q) in
-    standard deviations of the readings.  amounts: (q,) of the columns, in the units of the
-    alternative.  at: the place of the best trial: the rows behind which it began and ended, a
-    period in rows or mm, a place in mm; empty without trials.  prior: information on the amounts
-    before.  is_partial: whether directions that the unknowns nearly explain were left out.
+    key: of the alternative.  fall: the decrease of chi-square by `free` columns that the unknowns
+    do not explain, the largest of a number of trials; log_trials: the logarithm of that number.
+    columns: (n, 9, q) in standard deviations of the readings.  amounts: (q,) of the columns, in
+    the units of the alternative.  at: the best trial: the rows before which it began and ended, a
+    period in rows or mm, a place in mm, a frequency; empty without trials.  prior: prior
+    information on the amounts.  is_partial: whether directions that the unknowns nearly explain
+    were excluded.
     """
 
     key: str
@@ -83,28 +87,28 @@ class Trace(NamedTuple):
 
     @property
     def score(self) -> float:
-        """Minus the logarithm of the chance of such a fall where the alternative is absent."""
+        """Minus the logarithm of the probability of such a fall if the alternative is absent."""
         return -log_chance(self.fall, self.free) - self.log_trials
 
     @property
     def effect(self) -> Floats:
-        """What it does to the readings (n, 9), in their standard deviations."""
-        whole: Floats = self.columns @ self.amounts
-        return whole
+        """The effect (n, 9) on the readings, in their standard deviations."""
+        effect: Floats = self.columns @ self.amounts
+        return effect
 
 
 def chance_of(fall: float, count: float) -> float:
-    """Probability of a fall of chi-square at least as large by a number of idle columns."""
+    """Probability that columns without an effect lower chi-square by this fall or more."""
     from scipy.special import chdtrc
 
     return float(chdtrc(count, max(fall, 0.0)))
 
 
 def log_chance(fall: float, count: float) -> float:
-    """The logarithm of `chance_of`, also where that is below the least number."""
+    """Logarithm of `chance_of`, also where that underflows."""
     from scipy.special import gammaln
 
-    if count < MIN_COUNT:  # the unknowns explain all columns
+    if count < MIN_FREE_COLUMNS:  # the unknowns explain all columns
         return 0.0
     chance = chance_of(fall, count)
     if chance > 1e-290:
@@ -119,26 +123,26 @@ def no_size(trace: Trace, remainder: Any) -> str:
 
 @dataclass(frozen=True)
 class Alternative:
-    """One of the things that could explain the residuals.
+    """A possible cause of the residuals.
 
-    key: its name.  group: out of `GROUPS`.  words: what is wrong, a clause.  remedy: what to do, an
-    imperative.  apart: the measurement that tells it from others, an imperative.
+    key: its name.  group: out of `GROUPS`.  words: the cause, as a clause.  remedy: the action to
+    take, in the imperative.  measurement: one that distinguishes it from others, in the imperative.
 
-    It acts in one of three ways: by columns, whose `test` of a `Remainder` gives the part of the
-    residuals that they explain, `size` that in words, and `in_use` the columns that they are when
-    poses are measured, where that is another motion or another state; by a `change` of the samples,
-    which undoes it; or by a larger `variance` of what may scatter, by name.
+    It acts in one of three ways.  By columns: `test` takes a `Remainder` and returns the part of
+    the residuals that they explain, `size` describes that in words, and `in_use` returns the
+    columns that apply when poses are measured, if the motion or the state is then another one.  By
+    a `change` of the samples that undoes it.  Or by a larger `variance` of quantities, by name.
 
-    refuses: whether a calibration with it is never to be trusted; others forbid the use only where
-    they move the poses by more than is stated.  general: whether it stands for its whole group, so
-    that its members are named before it.
+    refuses: whether a calibration with it is never to be trusted; without, only if it moves the
+    poses by more than is stated.  general: whether it represents its group as a whole, so that
+    other members are named in preference to it.
     """
 
     key: str
     group: str
     words: str
     remedy: str = ""
-    apart: str = ""
+    measurement: str = ""
     test: Callable[[Any], Trace] | None = None
     size: Callable[[Trace, Any], str] = no_size
     in_use: Callable[[Any], Floats] | None = None
@@ -149,8 +153,8 @@ class Alternative:
 
     @property
     def persists(self) -> bool:
-        """Whether it stays with the sensor, and so acts on every pose that is solved with it."""
-        return self.group in OF_SENSOR and not self.key.endswith(OF_RUN)
+        """Whether it remains with the sensor, and so affects every pose that is solved with it."""
+        return self.group in SENSOR_GROUPS and not self.key.endswith(NOT_PERSISTENT)
 
 
 def capitalise(words: str) -> str:
@@ -158,25 +162,25 @@ def capitalise(words: str) -> str:
 
 
 def describe_pose(sizes: Floats) -> str:
-    """Those of a pose's six sizes, mm and rad, that are a fifth of the largest of their kind, or
+    """List a pose's sizes (6,), mm and rad, that are a fifth of the largest of their kind or
     more."""
-    told = []
+    listed = list[str]()
     for axes, factor, unit in ((slice(0, 3), 1e3, "um"), (slice(3, 6), 1e6, "urad")):
         largest = np.abs(sizes[axes]).max()
-        told += [
+        listed += [
             f"{factor * size:.2g} {unit} in {name}"
             for name, size in zip(POSE[axes], sizes[axes].tolist(), strict=True)
             if abs(size) > 0.2 * largest
         ]
-    return ", ".join(told)
+    return ", ".join(listed)
 
 
 def describe_rivals(alternatives: Iterable[Alternative], clauses: Iterable[str]) -> str:
-    """Sentences on several alternatives that the samples cannot tell apart: where they lie, which
-    they are, and what would tell."""
-    several = list(alternatives)
-    groups = list(dict.fromkeys(alternative.group for alternative in several))
-    where = f"It lies in {GROUPS[groups[0]]}, and these" if len(groups) == 1 else "These"
-    apart = list(dict.fromkeys(part.apart for part in several if part.apart))
-    tell = f" To tell them apart: {'; '.join(apart)}." if apart else ""
-    return f"{where} samples cannot tell which it is: {'; or '.join(clauses)}.{tell}"
+    """Sentences on alternatives that the samples cannot distinguish: their group if they share one,
+    what they are, and the measurements that distinguish them."""
+    rivals = list(alternatives)
+    groups = list(dict.fromkeys(rival.group for rival in rivals))
+    group = f"It lies in {GROUPS[groups[0]]}, and these" if len(groups) == 1 else "These"
+    measurements = dict.fromkeys(rival.measurement for rival in rivals if rival.measurement)
+    advice = f" To distinguish them: {'; '.join(measurements)}." if measurements else ""
+    return f"{group} samples cannot tell which it is: {'; or '.join(clauses)}.{advice}"

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import combinations, permutations
+from itertools import combinations, permutations, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +29,7 @@ from ..fitting.bundle_adjustment import Data
 from ..fitting.fit import NORMAL_MEDIAN, Descent, Guess, StoppingRule, Task, solve_open_axes
 from ..fitting.samples import row_numbers
 from ..fitting.unknowns import Choice
-from .alternative import LAST_TRIALS, Alternative, Finding, capitalise
+from .alternative import EXACT_TRIALS, Alternative, Finding, capitalise
 from .score import likeliest_states
 
 Change = Callable[[Data], Data]
@@ -340,12 +340,6 @@ def short_fit_of(
     return task, None
 
 
-def short_fit(sensor: Sensor, data: Data, chosen: Choice, steps: int) -> float:
-    """Chi-square for each reading after some steps."""
-    task, at = short_fit_of(sensor, data, chosen, steps)
-    return np.inf if at is None else mean_square(task, at)
-
-
 def mean_square(task: Task, at: Guess) -> float:
     """Mean squares of the residuals and of how far unknowns are from where they were thought to be.
 
@@ -412,7 +406,9 @@ def find_fault(
     explains = single.explains(before)
     small = before <= GOOD_SIGMAS**2 or (explains and single.levels[0] <= GOOD_SIGMAS**2)
     if not small:
-        double = trials.rank(pairs_of(single.partners, every))
+        partners = [fault for (fault,) in single.partners]
+        others = [fault for fault in every if fault not in partners]
+        double = trials.rank([*combinations(partners, 2), *product(partners, others)])
         if double.explains(min(before, single.levels[0])):
             return double.explanation(before)
     if explains:
@@ -429,9 +425,8 @@ def find_stray_rows(
     level = WORST_LIGHT_SIGMAS**2
     for n in range(3):
         part = slice(n * count // 3, (n + 1) * count // 3)
-        task, tried = short_fit_of(
-            sensor, subsample(sensor, data.part(part), SAMPLES[1]), chosen, STEPS[1]
-        )
+        third = subsample(sensor, data.part(part), SAMPLES[1])
+        task, tried = short_fit_of(sensor, third, chosen, STEPS[1])
         if tried is not None and mean_square(task, tried) < level:
             at, level, used = tried, mean_square(task, tried), part
     if at is None:
@@ -501,20 +496,6 @@ def residuals_at(task: Task, at: Guess) -> Floats:
     return left
 
 
-def pairs_of(
-    partners: list[tuple[Alternative, ...]], every: list[Alternative]
-) -> list[tuple[Alternative, ...]]:
-    """Each of the partners with every other hypothesis, each pair once."""
-    words = {hypothesis.words for (hypothesis,) in partners}
-    return [
-        (hypothesis, other)
-        for (hypothesis,) in partners
-        for other in every
-        if other.words != hypothesis.words
-        and (other.words not in words or hypothesis.words < other.words)
-    ]
-
-
 class Trials(NamedTuple):
     """Short fits with faults undone."""
 
@@ -525,12 +506,13 @@ class Trials(NamedTuple):
     def trial(self, faults: tuple[Alternative, ...], n: int) -> float:
         """Chi-square for each reading after a first trial (0) or a last one (1)."""
         data = subsample(self.sensor, undo(self.data, faults), SAMPLES[n])
-        return short_fit(self.sensor, data, self.chosen, STEPS[n])
+        task, at = short_fit_of(self.sensor, data, self.chosen, STEPS[n])
+        return np.inf if at is None else mean_square(task, at)
 
     def rank(self, several: list[tuple[Alternative, ...]]) -> Ranking:
         """Give each of several faults a first trial, and the best of them a last one."""
         first = sorted((self.trial(faults, 0), n) for n, faults in enumerate(several))
-        last = sorted((self.trial(several[n], 1), n) for _, n in first[:LAST_TRIALS])
+        last = sorted((self.trial(several[n], 1), n) for _, n in first[:EXACT_TRIALS])
         return Ranking(
             [level for level, _ in last],
             [several[n] for _, n in last],

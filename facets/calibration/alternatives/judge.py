@@ -24,10 +24,10 @@ from ..fitting.bundle_adjustment import LEAST_COUNTED, Data
 from ..fitting.fit import NORMAL_MEDIAN
 from ..fitting.samples import model_accuracy, row_numbers
 from .alternative import (
-    APART_CHANCE,
-    LAST_TRIALS,
-    OF_SENSOR,
-    TOLD_CHANCE,
+    EXACT_TRIALS,
+    REPORT_PROBABILITY,
+    RIVAL_FACTOR,
+    SENSOR_GROUPS,
     Alternative,
     Trace,
 )
@@ -43,7 +43,7 @@ MOST_CAUSES = 4
 LIKELY_CHANCE = 0.05
 #: What has less than this share of the likeliest cause's score may come of its linear model.
 LEAST_SHARE = 0.03
-#: An alternative is beaten where it is `APART_CHANCE` times less likely, by so many standard
+#: An alternative is beaten where it is `RIVAL_FACTOR` times less likely, by so many standard
 #: deviations of the difference between samples, and by this share of the better one's score, which
 #: a linear model of large errors is wrong by.
 APART_SIGMAS, APART_SHARE = 2.0, 0.05
@@ -176,7 +176,7 @@ def steps_as_changes(remainder: Remainder) -> list[Alternative]:
         if part.refuses and part.key not in LIKE_STEADY_LIGHT and len(trace.at) == 1:
             change = partial(undo_causes, causes=[cause])
             steps.append(replace(part, words=cause.clauses[0], change=change))
-    return steps[:LAST_TRIALS]
+    return steps[:EXACT_TRIALS]
 
 
 @one_thread
@@ -225,7 +225,7 @@ def likeliest_cause(remainder: Remainder) -> Cause | None:
 def unsaid_shift(remainder: Remainder) -> Floats:
     """By how much the likeliest thing beside the sensor would have moved the unknowns of the fit
     (p,), where it is likely and not sure enough to be told; else zero."""
-    beside = [part for part in ALTERNATIVES if part.group not in OF_SENSOR]
+    beside = [part for part in ALTERNATIVES if part.group not in SENSOR_GROUPS]
     likely = clear_traces(remainder, beside, LIKELY_CHANCE)
     if not likely:
         return np.zeros(len(remainder.fit.values))
@@ -235,7 +235,7 @@ def unsaid_shift(remainder: Remainder) -> Floats:
 def clear_traces(
     remainder: Remainder,
     alternatives: Sequence[Alternative] = ALTERNATIVES,
-    chance: float = TOLD_CHANCE,
+    chance: float = REPORT_PROBABILITY,
 ) -> list[Trace]:
     """The alternatives beyond a chance whose effect is larger than the model's own error; the
     likeliest first, those that stand for a group behind its members."""
@@ -289,13 +289,13 @@ def odds_against(better: Trace, other: Trace, remainder: Remainder) -> float:
     and a linear model can tell: the scores' difference counts by what is the least to beat it."""
     apart = sample_falls(remainder, better) - sample_falls(remainder, other)
     sigma = float(np.sqrt(len(apart)) * apart.std()) / 2
-    least = max(np.log(APART_CHANCE), APART_SIGMAS * sigma, APART_SHARE * better.score)
-    return float(APART_CHANCE ** ((other.score - better.score) / least))
+    least = max(np.log(RIVAL_FACTOR), APART_SIGMAS * sigma, APART_SHARE * better.score)
+    return float(RIVAL_FACTOR ** ((other.score - better.score) / least))
 
 
 def beats(better: Trace, other: Trace, remainder: Remainder) -> bool:
     """Whether an alternative is likelier than another by more than chance and linearity allow."""
-    return odds_against(better, other, remainder) < 1 / APART_CHANCE
+    return odds_against(better, other, remainder) < 1 / RIVAL_FACTOR
 
 
 def rivals(traces: list[Trace], remainder: Remainder) -> list[Trace]:

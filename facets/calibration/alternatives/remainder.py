@@ -1,15 +1,15 @@
-"""How much an alternative would explain of a fit's residuals: one score for all of them.
+"""Residuals of a fit, and the score test of columns in addition to its unknowns.
 
-An alternative is known by what it does to the readings: columns C beside the columns X of the
-unknowns. With the readings' variance V and the residuals y, chi-square would fall by
+An alternative is described by its effect on the readings: columns C in addition to the columns X of
+the unknowns. With the readings' variance V and the residuals y, chi-square would fall by
 
     s' M^-1 s,    s = C' P y,    M = C' P C + prior,
     P = V^-1 - V^-1 X (X' V^-1 X + prior)^-1 X' V^-1
 
 if the columns were unknowns, too (a score test). Where the alternative is absent, this fall has the
-distribution of chi-square; its chance, times the number of columns or times that were tried for the
-same alternative, is the score. Two alternatives are compared sample by sample: the scatter of the
-difference of their falls says by how much it would change in another run (Vuong's test).
+distribution of chi-square. Its probability, times the number of columns or of trials for the same
+alternative, is the score. Two alternatives are compared sample by sample: the scatter of the
+difference of their falls shows by how much it would change in another run (Vuong's test).
 """
 
 from __future__ import annotations
@@ -28,8 +28,9 @@ from ..fitting.unknowns import assign_values, values_of
 from .alternative import Trace
 from .scatter import NAMES, NONE_TOGETHER, UNMEASURED_SIGMA, Likelihood, Together
 
-#: A direction of columns that the unknowns explain but for this share of its square is left out.
-LEAST_OWN_SHARE = 1e-6
+#: Directions of columns of which the unknowns leave less than this fraction of the square are
+#: excluded.
+LEAST_FREE_FRACTION = 1e-6
 
 
 class Residuals:
@@ -39,17 +40,17 @@ class Residuals:
         self, sensor: Sensor, data: Data, result: Fit, robust: float | None,
         together: Together = NONE_TOGETHER,
     ) -> None:  # fmt: skip
-        """together: the covariance of different places."""
+        """together: the covariance of the readings of different places."""
         task = Task(sensor, data, result.choice, robust)
         assert task.data.noise is not None
         self.nominal = sensor
         self.data, self.fit, self.noise = task.data, result, task.data.noise
         self.likelihood = Likelihood(task, result)
         with np.errstate(over="ignore"):
-            known = np.minimum(
+            priors = np.minimum(
                 (own_sigma(task.data, result.choice) / OWN_UNITS) ** 2, UNMEASURED_SIGMA**2
             )
-        at = self.likelihood.restrict(known, np.zeros(len(NAMES)), together)
+        at = self.likelihood.restrict(priors, np.zeros(len(NAMES)), together)
         self.inverse, self.weighted, self.pulled = at.inverse, at.weighted, at.pulled
         self.matrix, self.covariance = at.matrix, np.linalg.inv(at.matrix)
         self.values, self.variance = result.values, np.linalg.inv(at.inverse)
@@ -57,7 +58,7 @@ class Residuals:
         self.sensor = assign_values(sensor, result.all_values)
         self.state = states_of(task.data, result.own_values, result.all_values)
         light = self.model_readings[:, 2::3] / self.noise[:, 2::3]
-        self.light = np.nan_to_num(light)  # by the model: their own noise would look like a gain
+        self.light = np.nan_to_num(light)  # modelled: the noise of readings would look like a gain
 
     @property
     def row_numbers(self) -> Integers:
@@ -70,58 +71,58 @@ class Residuals:
 
     @property
     def residuals(self) -> Floats:
-        """The residuals (n, 9) in standard deviations, the common unknowns at their best."""
-        whole: Floats = (self.variance @ self.pulled[:, :, None])[:, :, 0]
-        return whole
+        """The residuals (n, 9) in standard deviations, at the best common unknowns."""
+        residuals: Floats = (self.variance @ self.pulled[:, :, None])[:, :, 0]
+        return residuals
 
     @property
     def raw(self) -> Floats:
-        """The readings (n, 9) as the detectors gave them; 1 where there is none."""
+        """The measured readings (n, 9); 1 for a missing one."""
         return np.nan_to_num(self.data.raw, nan=1.0)
 
     @property
     def model_readings(self) -> Floats:
-        """The readings (n, 9) as the fit has them."""
+        """The fitted readings (n, 9)."""
         return self.raw - self.residuals * self.noise
 
     @property
     def pose_columns(self) -> Floats:
         """The derivatives of the readings (n, 9, 6) by the mirror's pose on the reference, in
         standard deviations per mm and rad."""
-        whole: Floats = self.likelihood.own[:, :, :6] / OWN_UNITS[:6]
-        return whole
+        columns: Floats = self.likelihood.own[:, :, :6] / OWN_UNITS[:6]
+        return columns
 
     @property
     def beam_columns(self) -> Floats:
         """The derivatives of the readings (n, 9, 2) by the beam's place, per mm."""
-        whole: Floats = self.likelihood.own[:, :, 7:] / OWN_UNITS[7:]
-        return whole
+        columns: Floats = self.likelihood.own[:, :, 7:] / OWN_UNITS[7:]
+        return columns
 
 
 class Remainder(Residuals):
-    """The residuals of a fit, beside which further columns may be unknowns."""
+    """The residuals of a fit whose unknowns can be extended by further columns."""
 
     def extend_by(self, traces: list[Trace]) -> Remainder:
-        """The remainder in which the columns of some alternatives are unknowns, too."""
+        """The remainder of a fit in which the columns of alternatives are unknowns, too."""
         rest = self
         for trace in traces:
             rest = rest.extend(self.readable(trace.columns), trace.prior)
         return rest
 
     def extend(self, columns: Floats, prior: Floats | float = 0.0) -> Remainder:
-        """The remainder in which columns (n, 9, q) are unknowns, too.  prior: information on them
-        before."""
-        whole, matrix, side = self.equations(columns)
-        known = np.broadcast_to(np.asarray(prior, dtype=float), side.shape)
-        scale = np.sqrt(np.maximum(np.diag(whole) + known, 1e-300))
+        """The remainder of a fit in which columns (n, 9, q) are unknowns, too.  prior: prior
+        information on them."""
+        squares, matrix, side = self.equations(columns)
+        information = np.broadcast_to(np.asarray(prior, dtype=float), side.shape)
+        scale = np.sqrt(np.maximum(np.diag(squares) + information, 1e-300))
         level, ways = np.linalg.eigh(matrix / scale[:, None] / scale)
-        ways = ways[:, level > LEAST_OWN_SHARE] / scale[:, None]
+        ways = ways[:, level > LEAST_FREE_FRACTION] / scale[:, None]
         if not ways.size:  # the unknowns explain all of it
             return self
         columns, side = columns @ ways, ways.T @ side
         weighted, flat = self.inverse @ columns, columns.reshape(-1, columns.shape[2])
         across = self.weighted.reshape(len(flat), -1).T @ flat
-        square = flat.T @ weighted.reshape(flat.shape) + ways.T @ (known[:, None] * ways)
+        square = flat.T @ weighted.reshape(flat.shape) + ways.T @ (information[:, None] * ways)
         rest, size = copy(self), len(self.matrix)
         rest.matrix = np.block([[self.matrix, across], [across.T, square]])
         rest.covariance = np.linalg.inv(rest.matrix)
@@ -139,28 +140,27 @@ class Remainder(Residuals):
         return part
 
     def readable(self, columns: Floats) -> Floats:
-        """Columns (n, 9, q) without what they say of readings that are not there."""
-        kept: Floats = np.nan_to_num(columns) * self.is_read[:, :, None]
-        return kept
+        """Columns (n, 9, q) with zeros for missing readings."""
+        readable: Floats = np.nan_to_num(columns) * self.is_read[:, :, None]
+        return readable
 
     def equations(self, columns: Floats) -> tuple[Floats, Floats, Floats]:
-        """The squares of columns (n, 9, q), the matrix M and the vector s of the score test (see
-        the beginning of this file): (q, q), (q, q), (q,)."""
+        """The squares (q, q) of columns (n, 9, q), and the matrix M (q, q) and the vector s (q,) of
+        the score test (see the beginning of this file)."""
         flat = columns.reshape(-1, columns.shape[2])
         across = self.weighted.reshape(len(flat), -1).T @ flat
-        whole = flat.T @ (self.inverse @ columns).reshape(flat.shape)
-        matrix = whole - across.T @ self.covariance @ across
-        return whole, matrix, flat.T @ self.pulled.ravel()
+        squares = flat.T @ (self.inverse @ columns).reshape(flat.shape)
+        matrix = squares - across.T @ self.covariance @ across
+        return squares, matrix, flat.T @ self.pulled.ravel()
 
     def visible_effect(self, trace: Trace) -> Floats:
-        """What of the effect on the readings (n, 9) no unknown takes up, mm and mW."""
+        """The part of the effect on the readings (n, 9), mm and mW, that no unknown absorbs."""
         part = self.project(self.readable(trace.columns), trace.amounts)
-        moved = self.variance @ part[:, :, None]
-        whole: Floats = moved[:, :, 0] * self.noise
-        return whole
+        visible: Floats = (self.variance @ part[:, :, None])[:, :, 0] * self.noise
+        return visible
 
     def shift_of_unknowns(self, trace: Trace) -> Floats:
-        """By how much the alternative would have moved the common unknowns of the fit (p,)."""
+        """The shift of the fit's common unknowns (p,) that the alternative would have caused."""
         effect = (self.readable(trace.columns) @ trace.amounts).ravel()
         size = len(self.fit.choice.names)
         moved: Floats = self.covariance @ (self.weighted.reshape(len(effect), -1).T @ effect)
@@ -171,36 +171,35 @@ class Remainder(Residuals):
 
 
 def rise_without(remainder: Remainder, names: Iterable[str]) -> float:
-    """By how much chi-square would rise without some of the fit's unknowns."""
+    """The rise of chi-square without some of the fit's unknowns."""
     _, off, step = offsets(remainder, names)
     return float(off @ step)
 
 
 def offsets(remainder: Remainder, names: Iterable[str]) -> tuple[list[int], Floats, Floats]:
-    """The places of some of the fit's unknowns, how far they are from what they were before,
-    and that times their information."""
+    """The indices of some of the fit's unknowns, their distances from their prior means, and these
+    times their information."""
     at = [remainder.fit.choice.names.index(name) for name in names]
     off = (remainder.values - values_of(remainder.nominal)[remainder.fit.choice.places])[at]
     return at, off, np.linalg.solve(remainder.covariance[np.ix_(at, at)], off)
 
 
 def drop_unknowns(remainder: Remainder, names: Iterable[str]) -> Remainder:
-    """The remainder in which some of the fit's unknowns are what they were before."""
-    gone, _, step = offsets(remainder, names)
-    kept = np.setdiff1d(np.arange(len(remainder.matrix)), gone)
+    """The remainder of a fit in which some of its unknowns have their prior means."""
+    dropped, _, step = offsets(remainder, names)
+    others = np.setdiff1d(np.arange(len(remainder.matrix)), dropped)
     rest = copy(remainder)
-    rest.pulled = remainder.pulled + remainder.weighted @ (remainder.covariance[:, gone] @ step)
+    rest.pulled = remainder.pulled + remainder.weighted @ (remainder.covariance[:, dropped] @ step)
     rest.matrix, rest.weighted = (
-        remainder.matrix[np.ix_(kept, kept)],
-        remainder.weighted[:, :, kept],
+        remainder.matrix[np.ix_(others, others)],
+        remainder.weighted[:, :, others],
     )
-    rest.covariance, rest.values = np.linalg.inv(rest.matrix), np.delete(remainder.values, gone)
+    rest.covariance, rest.values = np.linalg.inv(rest.matrix), np.delete(remainder.values, dropped)
     return rest
 
 
 def second_moment(remainder: Remainder, columns: Floats, sigma: float) -> float:
-    """The expectation of the sum of squares of columns' amounts, of which each was known to be
-    zero within `sigma` before the samples."""
+    """The expected sum of squares of columns' amounts, whose prior is zero within `sigma`."""
     _, matrix, side = remainder.equations(remainder.readable(columns))
     covariance = np.linalg.inv(matrix + np.eye(len(matrix)) / sigma**2)
     amounts = covariance @ side

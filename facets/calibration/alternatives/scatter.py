@@ -34,7 +34,7 @@ from ..fitting.bundle_adjustment import CLEAR_SIGMAS, OWN_UNITS, Data, deviation
 from ..fitting.fit import NORMAL_MEDIAN, Fit, Task, fit, huber_roots
 from ..fitting.samples import LEAST_WEIGHT
 from ..fitting.unknowns import DELAY, MOUNTING, PLACE, POWER_DRIFT, Choice, block, values_of
-from .alternative import APART_CHANCE, TOLD_CHANCE, WORTH_MORE, Alternative, chance_of
+from .alternative import MIN_ADDED_FALL, REPORT_PROBABILITY, RIVAL_FACTOR, Alternative, chance_of
 
 #: What may scatter: the reference's six, the laser's power, the beam's two, the detectors' readings
 #: of places and of powers beside their noise, all alike, and the time of the reference.
@@ -59,23 +59,24 @@ SCATTER = {
         Alternative(
             "reference_scatter", "reference",
             "the reference, or a mirror that vibrates against it",
-            apart="measure the mirror at rest with facets noise", variance=POSE,
+            measurement="measure the mirror at rest with facets noise", variance=POSE,
         ),
         Alternative(
-            "clock_scatter", "time", "times that jitter", apart="move at half the speed",
+            "clock_scatter", "time", "times that jitter", measurement="move at half the speed",
             variance=(CLOCK,),
         ),
         Alternative(
             "beam_scatter", "light", "a beam that moves",
-            apart="let the mirror rest and look at all three spots", variance=("beam",),
+            measurement="let the mirror rest and look at all three spots", variance=("beam",),
         ),
         Alternative(
             "detector_scatter", "detectors", "the detectors",
-            apart="measure with facets noise, also in the dark", variance=(PLACES, POWERS),
+            measurement="measure with facets noise, also in the dark", variance=(PLACES, POWERS),
         ),
         Alternative(
             "supply_scatter", "electronics", "a supply that the detectors share",
-            apart="let the mirror rest, and see by facets noise what the detectors have in common",
+            measurement="let the mirror rest, and see by facets noise what the detectors have "
+            "in common",
             variance=(TOGETHER, POWERS),
         ),
     )
@@ -233,7 +234,7 @@ class Likelihood:
         seen, due = self.shares(self.restrict(known, start), self.place_columns(False))
         size = np.sqrt(np.maximum(np.diag(due), 1e-300))
         apart = (seen - due) / size / size[:, None] * np.sqrt(len(self.residual))
-        return chance_of(float((apart[IS_BETWEEN] ** 2).sum()) / 2, 12) < TOLD_CHANCE
+        return chance_of(float((apart[IS_BETWEEN] ** 2).sum()) / 2, 12) < REPORT_PROBABILITY
 
 
 def scatter_columns(by_own: Floats, noise: Floats, velocity: Floats | None) -> Floats:
@@ -494,10 +495,10 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
     best = likeliest(most)
     for count in range(1, most):
         here, least = likeliest(count), min(sizes.unlikely for sizes in tried.values())
-        if tried[here].unlikely < least + WORTH_MORE:
+        if tried[here].unlikely < least + MIN_ADDED_FALL:
             best = here
             break
-    likely = tried[best].unlikely + 2 * np.log(APART_CHANCE)
+    likely = tried[best].unlikely + 2 * np.log(RIVAL_FACTOR)
     singles = [keys for keys, sizes in tried.items() if len(keys) == 1 and sizes.unlikely < likely]
     others = tuple(keys[0] for keys in singles if keys != best)
     fall = problem.start_unlikely - tried[best].unlikely + problem.cost(best)

@@ -1,21 +1,18 @@
-"""How much an alternative would explain of a fit's residuals: one score for all of them.
-
-What a score is: `remainder`. The best of several courses, of two states, and of each sample.
-"""
+"""Scores of alternatives: how much of a fit's residuals each would explain; see `remainder`."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ...core.units import Booleans, Floats, Integers
-from .alternative import LAST_TRIALS, WORTH_MORE, Trace
-from .remainder import LEAST_OWN_SHARE, Remainder
+from .alternative import EXACT_TRIALS, MIN_ADDED_FALL, Trace
+from .remainder import LEAST_FREE_FRACTION, Remainder
 
 #: A step has at least this number of samples on both sides.
 STEP_MARGIN = 8
-#: How often sizes and states of something that switches are found in turn.
+#: Number of rounds in which the amounts and the states of a switch are found in turn.
 SWITCH_ROUNDS = 6
-#: Of what switches more often than in this share of the samples nobody would say so.
+#: A switch at more than this fraction of the samples is noise.
 MOST_SWITCHES = 0.08
 
 
@@ -24,22 +21,25 @@ def score_columns(
     key: str,
     columns: Floats,
     sigma: Floats | float = np.inf,
-    least: float = LEAST_OWN_SHARE,
+    least: float = LEAST_FREE_FRACTION,
 ) -> Trace:
-    """The fall that columns (n, 9, q) bring.  sigma: prior standard uncertainty of their
-    amounts.  least: share of the square of a direction that is left beside the unknowns."""
+    """Score columns (n, 9, q).
+
+    sigma: prior standard uncertainty of their amounts.  least: directions of which the unknowns
+    leave less than this fraction of the square are excluded.
+    """
     columns = remainder.readable(columns)
-    whole, matrix, side = remainder.equations(columns)
+    square, matrix, side = remainder.equations(columns)
     prior = np.broadcast_to(np.asarray(sigma, dtype=float) ** -2.0, side.shape)
-    fall, amounts, count = falls_of(whole[None], matrix[None], side[None], prior, least)
-    is_partial = least > LEAST_OWN_SHARE
+    fall, amounts, count = falls_of(square[None], matrix[None], side[None], prior, least)
+    is_partial = least > LEAST_FREE_FRACTION
     return Trace(key, float(fall[0]), float(count[0]), columns, amounts[0], 0.0, (), prior,
                  is_partial)  # fmt: skip
 
 
 def complete_trace(remainder: Remainder, trace: Trace) -> Trace:
-    """A trace whose score left directions out that the unknowns nearly explain, with the
-    amounts of the fewest columns that explain as much: these move the unknowns, too."""
+    """Return a trace that excludes directions which the unknowns nearly explain with the amounts of
+    the fewest columns that explain as much: these move the unknowns, too."""
     if not trace.is_partial:
         return trace
     _, matrix, side = remainder.equations(trace.columns)
@@ -50,7 +50,7 @@ def complete_trace(remainder: Remainder, trace: Trace) -> Trace:
         for n in set(range(len(side))) - set(chosen):
             at = [*chosen, n]
             falls[n] = side[at] @ np.linalg.solve(matrix[np.ix_(at, at)], side[at])
-        if falls.max() < fall + WORTH_MORE:
+        if falls.max() < fall + MIN_ADDED_FALL:
             break
         chosen.append(int(np.argmax(falls)))
         fall = falls[chosen[-1]]
@@ -58,58 +58,60 @@ def complete_trace(remainder: Remainder, trace: Trace) -> Trace:
     return trace._replace(amounts=amounts)
 
 
-def score_courses(
-    remainder: Remainder, key: str, columns: Floats, courses: Floats, sigma: Floats | float = np.inf
+def score_bases(
+    remainder: Remainder, key: str, columns: Floats, bases: Floats, sigma: Floats | float = np.inf
 ) -> Trace:
-    """The best of several courses (m, n, w): the columns (n, 9, q) times the w functions of the
-    rows, or of the mirror's place, of one of them.  sigma: prior standard uncertainty of the
-    amounts (q,)."""
-    columns, trials = remainder.readable(columns), len(courses)
+    """Score columns (n, 9, q) times the basis functions of the best candidate.
+
+    bases: (m, n, w), m candidates of w functions of the row or of the mirror's position.  sigma:
+    prior standard uncertainty of the amounts (q,).
+    """
+    columns, trials = remainder.readable(columns), len(bases)
     prior = np.broadcast_to(np.asarray(sigma, dtype=float) ** -2.0, columns.shape[2:])
-    if not courses.any() or not columns.any():
+    if not bases.any() or not columns.any():
         return Trace(key, 0.0, 0.0, columns, np.zeros(columns.shape[2]), 0.0, (0.0,))
-    if courses.shape[2] > 1 and trials > LAST_TRIALS:
-        kept = screen_courses(remainder, columns, courses)
-        trace = compare_courses(remainder, key, columns, courses[kept], prior)
-        return trace._replace(log_trials=float(np.log(trials)), at=(float(kept[int(trace.at[0])]),))
-    return compare_courses(remainder, key, columns, courses, prior)
+    if bases.shape[2] > 1 and trials > EXACT_TRIALS:
+        screened = screen_bases(remainder, columns, bases)
+        trace = compare_bases(remainder, key, columns, bases[screened], prior)
+        best = float(screened[int(trace.at[0])])
+        return trace._replace(log_trials=float(np.log(trials)), at=(best,))
+    return compare_bases(remainder, key, columns, bases, prior)
 
 
-def screen_courses(remainder: Remainder, columns: Floats, courses: Floats) -> Integers:
-    """The numbers of the best courses, by what they would explain if no unknown took up any of
-    it."""
+def screen_bases(remainder: Remainder, columns: Floats, bases: Floats) -> Integers:
+    """The indices of the candidates that would explain most if no unknown absorbed any of it."""
     turned = np.swapaxes(columns, 1, 2)
     pulled = (turned @ remainder.pulled[:, :, None])[:, :, 0]
-    squares = np.einsum("nqi,nij,njq->nq", turned, remainder.inverse, columns)
-    sides = np.einsum("mnw,nq->mwq", courses, pulled, optimize=True)
-    whole = np.einsum("mnw,nq->mwq", courses**2, squares, optimize=True)
-    falls = (sides**2 / np.maximum(whole, 1e-300)).sum(axis=(1, 2))
-    return np.argsort(-falls)[:LAST_TRIALS]
+    row_squares = np.einsum("nqi,nij,njq->nq", turned, remainder.inverse, columns)
+    sides = np.einsum("mnw,nq->mwq", bases, pulled, optimize=True)
+    squares = np.einsum("mnw,nq->mwq", bases**2, row_squares, optimize=True)
+    falls = (sides**2 / np.maximum(squares, 1e-300)).sum(axis=(1, 2))
+    return np.argsort(-falls)[:EXACT_TRIALS]
 
 
-def compare_courses(
-    remainder: Remainder, key: str, columns: Floats, courses: Floats, prior: Floats
+def compare_bases(
+    remainder: Remainder, key: str, columns: Floats, bases: Floats, prior: Floats
 ) -> Trace:
-    """The best of a few courses; see `test_courses`."""
-    trials, rows, ways = courses.shape
+    """Score all candidates exactly, and return the best; see `score_bases`."""
+    trials, rows, ways = bases.shape
     size, unknowns = columns.shape[2] * ways, remainder.matrix.shape[0]
     turned = np.swapaxes(columns, 1, 2)
     pulled = (turned @ remainder.pulled[:, :, None])[:, :, 0]
     weighted = (turned @ remainder.weighted).reshape(rows, -1)
-    squares = (turned @ remainder.inverse @ columns).reshape(rows, -1)
+    row_squares = (turned @ remainder.inverse @ columns).reshape(rows, -1)
     count = columns.shape[2]
-    flat = np.swapaxes(courses, 1, 2).reshape(-1, rows)
+    flat = np.swapaxes(bases, 1, 2).reshape(-1, rows)
     sides = np.swapaxes((flat @ pulled).reshape(trials, ways, count), 1, 2).reshape(-1, size)
     each = (flat @ weighted).reshape(trials, ways, count, unknowns)
     across = np.swapaxes(each, 1, 2).reshape(trials, size, unknowns)
-    pairs = (courses[:, :, :, None] * courses[:, :, None, :]).reshape(trials, rows, -1)
-    whole = np.swapaxes(pairs, 1, 2).reshape(-1, rows) @ squares
-    whole = whole.reshape(trials, ways, ways, count, count)
-    whole = whole.transpose(0, 3, 1, 4, 2).reshape(trials, size, size)
-    matrix = whole - across @ remainder.covariance @ np.swapaxes(across, 1, 2)
-    fall, amounts, free = falls_of(whole, matrix, sides, np.repeat(prior, ways))
+    pairs = (bases[:, :, :, None] * bases[:, :, None, :]).reshape(trials, rows, -1)
+    squares = np.swapaxes(pairs, 1, 2).reshape(-1, rows) @ row_squares
+    squares = squares.reshape(trials, ways, ways, count, count)
+    squares = squares.transpose(0, 3, 1, 4, 2).reshape(trials, size, size)
+    matrix = squares - across @ remainder.covariance @ np.swapaxes(across, 1, 2)
+    fall, amounts, free = falls_of(squares, matrix, sides, np.repeat(prior, ways))
     best = int(np.argmax(fall))
-    chosen = columns[:, :, :, None] * courses[best][:, None, None, :]
+    chosen = columns[:, :, :, None] * bases[best][:, None, None, :]
     return Trace(key, float(fall[best]), float(free[best]), chosen.reshape(rows, 9, size),
                  amounts[best], float(np.log(trials)), (float(best),),
                  np.repeat(prior, ways))  # fmt: skip
@@ -118,11 +120,10 @@ def compare_courses(
 def score_switching(
     remainder: Remainder, columns: Floats, step: Trace, sigma: Floats | float = np.inf
 ) -> tuple[Trace, Booleans]:
-    """The best of two states between which columns (n, 9, q) switch at any rows.
+    """Score columns (n, 9, q) that switch between two states at any rows.
 
-    step: the best of one step, which is one of the two courses from which the search begins.
-    Sizes and states are found in turn; each switch costs the choice of its row. Returns
-    the states (n,), too.
+    step: the best single step, with which one of two searches begins.  Amounts and states are found
+    in turn; each switch counts as the choice of its row.  Returns the states (n,), too.
     """
     columns, count = remainder.readable(columns), len(columns)
     turned = np.swapaxes(columns, 1, 2)
@@ -142,8 +143,8 @@ def score_switching(
             trace = trace._replace(log_trials=cost, at=tuple(switches.astype(float)))
             if trace.score > best.score:
                 best, best_state = trace, state
-            own = np.einsum("nij,i,j->n", squares, trace.amounts, trace.amounts)
-            gain = 2 * sides @ trace.amounts + (2 * state.mean() - 1) * own
+            square = np.einsum("nij,i,j->n", squares, trace.amounts, trace.amounts)
+            gain = 2 * sides @ trace.amounts + (2 * state.mean() - 1) * square
             following = likeliest_states(gain, 2 * np.log(count))
             if (following == state).all():
                 break
@@ -152,7 +153,7 @@ def score_switching(
 
 
 def sample_falls(remainder: Remainder, trace: Trace) -> Floats:
-    """By how much chi-square of each sample (n,) falls."""
+    """The fall (n,) of each sample's chi-square."""
     part = remainder.project(remainder.readable(trace.columns), trace.amounts)
     moved = (remainder.variance @ part[:, :, None])[:, :, 0]
     falls: Floats = (2 * remainder.residuals * part - moved * part).sum(axis=1)
@@ -160,27 +161,27 @@ def sample_falls(remainder: Remainder, trace: Trace) -> Floats:
 
 
 def falls_of(
-    whole: Floats,
+    squares: Floats,
     matrix: Floats,
     side: Floats,
     prior: Floats | None = None,
-    least: float = LEAST_OWN_SHARE,
+    least: float = LEAST_FREE_FRACTION,
 ) -> tuple[Floats, Floats, Floats]:
     """Falls (m,), amounts (m, q) and numbers of columns (m,) that the unknowns do not explain.
 
-    whole: (m, q, q) the columns' squares; matrix: the same beside the unknowns; side: (m, q);
-    prior: (q,) what is known before of the amounts, which counts as part of a column that the
-    unknowns explain.
+    squares: (m, q, q) of the columns.  matrix: these less what the unknowns explain.  side: (m, q).
+    prior: prior information (q,) on the amounts, which counts as a part of a column that the
+    unknowns explain.  least: see `score_columns`.
     """
-    size = np.diagonal(whole, axis1=1, axis2=2) + (0.0 if prior is None else prior)
+    size = np.diagonal(squares, axis1=1, axis2=2) + (0.0 if prior is None else prior)
     scale = np.sqrt(np.maximum(size, 1e-300))
-    known = np.zeros_like(matrix) if prior is None else np.diag(prior)
-    alone = matrix / scale[:, :, None] / scale[:, None, :]
-    level, ways = np.linalg.eigh(alone + known / scale[:, :, None] / scale[:, None, :])
+    information = np.zeros_like(matrix) if prior is None else np.diag(prior)
+    scaled = matrix / scale[:, :, None] / scale[:, None, :]
+    level, ways = np.linalg.eigh(scaled + information / scale[:, :, None] / scale[:, None, :])
     aim = (np.swapaxes(ways, 1, 2) @ (side / scale)[:, :, None])[:, :, 0]
-    share = np.einsum("mij,mik,mkj->mj", ways, alone, ways)
-    free = share / np.maximum(level, 1e-300)
-    is_free = share > least
+    fraction = np.einsum("mij,mik,mkj->mj", ways, scaled, ways)
+    free = fraction / np.maximum(level, 1e-300)
+    is_free = fraction > least
     level = np.where(is_free, level, 1.0)
     step = np.where(is_free, aim / level, 0.0)
     amounts = (ways @ step[:, :, None])[:, :, 0] / scale
@@ -188,10 +189,10 @@ def falls_of(
 
 
 def leading_state(squares: Floats, sides: Floats) -> Booleans:
-    """On which side of zero each sample (n,) lies along the direction in which the amounts of some
+    """The side of zero on which each sample (n,) lies along the direction in which the amounts of
     columns scatter most.
 
-    squares: (n, q, q) of the columns in a sample; sides: (n, q).
+    squares: (n, q, q) of the columns in a sample.  sides: (n, q).
     """
     mean = squares.mean(axis=0)
     level, ways = np.linalg.eigh(sides.T @ sides / len(sides))
@@ -200,7 +201,8 @@ def leading_state(squares: Floats, sides: Floats) -> Booleans:
 
 
 def likeliest_states(gain: Floats, cost: float) -> Booleans:
-    """The states (n,) of largest sum of gains where a state is on, less a cost for each switch."""
+    """The states (n,) with the largest sum of gains of samples whose state is on, less a cost for
+    each switch."""
     off, on, came = 0.0, 0.0, np.zeros((len(gain), 2), bool)
     for n, value in enumerate(gain.tolist()):
         came[n] = on - cost > off, on > off - cost
