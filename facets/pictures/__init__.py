@@ -45,7 +45,7 @@ else:
             "stills.glow": "sub_beam surface",
             "stills.render": "Picture PictureForm motion_factor",
             "stills.rig": "RigModel",
-            "stills.scene": "Stand",
+            "stills.scene": "PosedSensor",
             "stills.views": "RigView",
             "style": "lay_out",
         },

@@ -14,7 +14,7 @@ import facets
 from facets import Rules, pictures
 from facets.characterization import ranges
 from facets.detectors import fullness
-from facets.pictures import Stand, scene
+from facets.pictures import PosedSensor, scene
 
 ELECTRONICS = facets.Electronics(transimpedance=3e4)
 CUT = replace(
@@ -78,9 +78,9 @@ def test_what_is_drawn_lies_where_the_model_has_it():
         f"{as_script(given)}.map((state) => Model.drawing(state).facets)", script(sensor)
     )
     for state, drawn in zip(given, page, strict=True):
-        stand = Stand.from_state(sensor, state)
+        posed = PosedSensor.from_state(sensor, state)
         for k, facet in enumerate(drawn):
-            spot = scene.spot(stand, k)
+            spot = scene.spot(posed, k)
             assert facet["meets"]
             assert facet["apexSpot"] == pytest.approx(spot.apex, abs=1e-9)
             assert facet["beamSpot"] == pytest.approx(spot.beam, abs=1e-9)

@@ -14,9 +14,9 @@ import facets
 from facets.pictures import (
     Picture,
     PictureForm,
+    PosedSensor,
     RigModel,
     RigView,
-    Stand,
     materials,
     motion_factor,
     range_solid,
@@ -30,7 +30,7 @@ TILTED = np.array([0.08, 0.05, 0, 8e-3, 6e-3, 10e-3, 0, 0])
 BESIDE = np.array([40.0, 0, 0, 0, 0, 0, 0, 0])
 REST = np.zeros(8)
 SIZE = (240, 180)
-RIG = PictureForm("rig", SIZE, sharpness=1)
+RIG = PictureForm("rig", SIZE)
 
 
 def rig_view(sensor):
@@ -48,7 +48,7 @@ def shot():
 def light_in(picture):
     """How much of a picture's colours is the light of the sub-beams, by pixel."""
     lit, look = picture.image(), picture.view.look
-    picture.view.look = replace(look, dark=(0, 1, 2))
+    picture.view.look = replace(look, hidden=(0, 1, 2))
     return lit.astype(int) - picture.image()
 
 
@@ -64,7 +64,7 @@ def nearest_hue(change, hues):
 def test_each_sub_beam_is_drawn_along_its_ray_in_its_own_hue(theme):
     with Picture(PAPER, TILTED, PictureForm("rig", SIZE, theme)) as picture:
         change, view = light_in(picture), picture.view
-    geometry = view.stand.geometry
+    geometry = view.posed.geometry
     for k, (psi, zeta, _) in enumerate(facets.readings(PAPER, TILTED).reshape(3, 3)):
         spot = geometry.centres[k] + [0, psi, zeta] @ np.array(geometry.axes[k])
         for share in (0.35, 0.55, 0.75):
@@ -77,11 +77,11 @@ def test_each_sub_beam_is_drawn_along_its_ray_in_its_own_hue(theme):
 
 
 def test_a_detector_without_light_has_no_sub_beam(shot):
-    stand = Stand.from_state(PAPER, BESIDE)
+    posed = PosedSensor.from_state(PAPER, BESIDE)
     lit = (facets.readings(PAPER, BESIDE)[2::3] > 1e-6).tolist()
     assert not all(lit)
-    assert [bool(sub_beam(stand, shot, k).any()) for k in range(3)] == lit
-    near = Stand.from_state(PAPER, BESIDE * 0.075)
+    assert [bool(sub_beam(posed, shot, k).any()) for k in range(3)] == lit
+    near = PosedSensor.from_state(PAPER, BESIDE * 0.075)
     assert 0 < sum(len(scene.cut(near, k)) > 0 for k in range(3)) < 3
 
 
@@ -100,13 +100,13 @@ def test_spots_shine_on_the_detectors_where_readings_say(shot):
     sensor, size = SENSORS["skewed0"], 500
     state = states(1, seed=5, offset=0.1, angle=0.004)[0]
     state[:3], state[6:] = state[:3] - [*state[6:], state[2] - 0.6], 0  # near rest
-    stand = Stand.from_state(sensor, state)
+    posed = PosedSensor.from_state(sensor, state)
     for k, (psi, zeta, _) in enumerate(facets.readings(sensor, state).reshape(3, 3)):
         camera = rig_view(sensor).face_inset(k, size, "", corner=(0, 0)).camera
-        depth = np.full((size, size), camera.distance)
-        light = surface(stand, replace(shot, camera=camera, depth=depth), k)
+        depth = np.zeros((size, size))
+        light = surface(posed, replace(shot, camera=camera, depth=depth), k)
         y, x = np.indices((size, size)) + 0.5
-        places = np.array(camera.aside(x, y))
+        places = np.array(camera.offsets(x, y))
         across, up = (light * places).sum(axis=(1, 2)) / light.sum()
         assert (-across, up) == pytest.approx((psi, zeta), abs=0.01)
 
@@ -130,12 +130,12 @@ def test_facets_are_not_black_at_any_inclination():
     [("paper", "cutaway"), ("fig4", "mirror"), ("skewed", "both"), ("skewed", "detector")],
 )
 def test_views_of_shipped_sensors_are_neither_empty_nor_full(name, view):
-    form = PictureForm(view, (200, 150), sharpness=1)
+    form = PictureForm(view, (200, 150))
     with Picture(facets.load(name).sensor, BESIDE, form) as picture:
         picture.image()  # also where no light falls
         picture.move(REST)
         image = picture.image()
-        shot = picture.studio.take(picture.view.camera, sharpness=1)
+        shot = picture.studio.take(picture.view.camera)
     assert image.std() > 8
     assert 0.03 < np.isfinite(shot.depth).mean() < 0.85
 
@@ -155,7 +155,7 @@ def test_parts_are_closed_and_face_outward_and_facets_lie_in_the_planes_of_the_m
     volumes = [volume(part.solid) for part in parts]
     assert sum(volumes[:4]) > 0
     assert min(volumes[4:]) > 0
-    for facet, normal in zip(parts[:3], rig.stand.at.normals, strict=True):
+    for facet, normal in zip(parts[:3], rig.posed.at.normals, strict=True):
         assert np.abs(facet.solid.points @ np.array(normal, float)).max() < 1e-9
 
 

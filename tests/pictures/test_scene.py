@@ -11,7 +11,7 @@ from gltf_page import page_of
 from sensors import SENSORS, states
 
 import facets
-from facets.pictures import Stand, light_on, scene
+from facets.pictures import PosedSensor, light_on, scene
 
 
 def middles(corners):
@@ -32,19 +32,19 @@ def test_spots_are_drawn_where_readings_say(name):
     sensor = replace(SENSORS[name], apertures=facets.Apertures(beam=1.0))
     for state in states(4, seed=8, offset=0.15, angle=0.01):
         reading = facets.readings(sensor, state).reshape(3, 3)
-        stand = Stand.from_state(sensor, state)
-        spots = [scene.spot(stand, k) for k in range(3)]
+        posed = PosedSensor.from_state(sensor, state)
+        spots = [scene.spot(posed, k) for k in range(3)]
         centroids = [centroid(spot.grid, spot.light) for spot in spots]
         np.testing.assert_allclose(centroids, reading[:, :2], atol=1e-3)
 
 
 def test_sub_beams_leave_the_drawn_facets_by_the_reflection_law():
-    stand = Stand.from_state(SENSORS["skewed2"], states(1, seed=9)[0])
-    incoming = np.array(stand.geometry.direction)
-    for k, (apex, *others) in enumerate(scene.mirror(stand)):
+    posed = PosedSensor.from_state(SENSORS["skewed2"], states(1, seed=9)[0])
+    incoming = np.array(posed.geometry.direction)
+    for k, (apex, *others) in enumerate(scene.mirror(posed)):
         normal = np.cross(*(others - apex))
         normal /= np.linalg.norm(normal)
-        on_facet, on_detector = scene.rims(stand, k)
+        on_facet, on_detector = scene.rims(posed, k)
         assert np.abs((on_facet - apex) @ normal).max() < 1e-12
         leaving = on_detector - on_facet
         leaving /= np.linalg.norm(leaving, axis=1)[:, None]

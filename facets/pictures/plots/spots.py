@@ -13,7 +13,7 @@ from ...core.units import Floats
 from ...model.arrays import readings
 from .. import style
 from ..stills import scene
-from ..stills.scene import SpotLight, Stand
+from ..stills.scene import PosedSensor, SpotLight
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 def spots_picture(sensor: Sensor, state: Floats) -> Figure:
     """Draw each detector's face and, below it, its light enlarged."""
-    stand, reading = Stand.from_state(sensor, state), readings(sensor, state)
+    posed, reading = PosedSensor.from_state(sensor, state), readings(sensor, state)
     image = None
     with style.style_context(axes__grid=False):
         picture = style.figure(style.FULL, 5.2)
         panels = picture.subplots(2, 3)
         for k, letter in enumerate(DETECTORS):
-            spot, centroid = scene.spot(stand, k), reading[3 * k : 3 * k + 2]
+            spot, centroid = scene.spot(posed, k), reading[3 * k : 3 * k + 2]
             upper, lower = panels[:, k]
             face(upper, sensor.psds[k], spot, centroid, letter)
             upper.set_title(f"{letter.upper()}: {light_on(sensor.psds[k], reading[3 * k :])}",
@@ -104,16 +104,16 @@ def large(panel: Axes, spot: SpotLight, centroid: Floats, letter: str) -> Any:
 
 def plan_picture(sensor: Sensor, state: Floats) -> Figure:
     """Draw the plan from above, with dimensions, to scale except for the mirror."""
-    stand, hues = Stand.from_state(sensor, state), chosen_hues()
+    posed, hues = PosedSensor.from_state(sensor, state), chosen_hues()
     far = max(psd.radius for psd in sensor.psds)
     with style.style_context(axes__grid=False):
         picture = style.figure(5.0, 4.9)
         panel = picture.subplots()
         for k, letter in enumerate(DETECTORS):
-            detector(panel, stand, k, sensor.psds[k], hues.detectors[letter], letter)
+            detector(panel, posed, k, sensor.psds[k], hues.detectors[letter], letter)
         zoom = 0.05 * far / scene.rim_of(sensor)
-        around = np.array(stand.at.apex)[:2]
-        for facet in scene.mirror(stand)[..., :2]:
+        around = np.array(posed.at.apex)[:2]
+        for facet in scene.mirror(posed)[..., :2]:
             shape = around + zoom * (facet - around)
             panel.fill(*shape.T, facecolor=hues.grey, edgecolor=hues.ink, lw=1, alpha=0.7)
         title = f"from above, the mirror {zoom:.2g} times as large"
@@ -122,13 +122,13 @@ def plan_picture(sensor: Sensor, state: Floats) -> Figure:
     return picture
 
 
-def detector(panel: Axes, stand: Stand, k: int, psd: Psd, hue: str, letter: str) -> None:
+def detector(panel: Axes, posed: PosedSensor, k: int, psd: Psd, hue: str, letter: str) -> None:
     """Draw a detector, the sub-beam to it, and its dimensions."""
-    centre, axis = (np.array(at[k], float) for at in (stand.geometry.centres, stand.geometry.axes))
+    centre, axis = (np.array(at[k], float) for at in (posed.geometry.centres, posed.geometry.axes))
     ends = (centre + [[-psd.size_y / 2], [psd.size_y / 2]] * axis[1])[:, :2]
     panel.plot(*ends.T, color=hue, lw=5, solid_capstyle="butt")
     out = np.array([np.cos(psd.azimuth), np.sin(psd.azimuth)])
-    rims = scene.rims(stand, k)
+    rims = scene.rims(posed, k)
     if rims.size:
         panel.plot(*rims.mean(axis=1)[:, :2].T, color=hue, lw=1.4)
     away = 1.16 + 0.16 * abs(out[0])

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import chain
 from pathlib import Path
 from shutil import copyfile
 from tempfile import TemporaryDirectory
@@ -25,10 +23,10 @@ from ...optics.vectors import rotation
 from ..style import style_context
 from . import scene, views
 from .camera import Camera
-from .exposure import Exposure, expose, floor_under
+from .exposure import Exposure, add_floor, expose
 from .materials import THEMES, Material, ThemeName
 from .rig import LASER_HEIGHT, RigModel
-from .scene import Stand
+from .scene import PosedSensor
 from .sheet import DrawingSheet
 from .solids import RigPart, Solid, bands
 from .studio import Shot, Studio
@@ -39,19 +37,16 @@ ViewName = Literal["both", "rig", "mirror", "detector", "cutaway", "range", "tra
 #: File name endings: pictures, scenes that can be turned, films.
 PICTURES, SCENES, MOVIES = (".png",), (".gltf", ".html"), (".mp4", ".gif")
 
-#: Films: container and codec with their options, and the format of pixels.
-GIF: tuple[Any, ...] = ("gif", {"loop": "0"}, "gif", {}, "pal8")
-H264 = ("mp4", {"movflags": "+faststart"}, "libx264", {"crf": "10"}, "yuv420p")
-#: How far the camera of a film swings to either side, rad, and by which share of its distance it
-#: approaches in the middle.
-SWING_RAD, NEARER_SHARE = 0.20, 0.04
+#: Angle by which the camera of a film swings to either side, rad, and fraction of its distance by
+#: which it approaches in the middle.
+SWING_RAD, APPROACH = 0.20, 0.04
 #: Distance of a drawn spot in front of its detector, mm, without which the two would intersect.
 SPOT_OFFSET_MM = 0.02
 
-#: Largest distance of a spot's centroid from its detector's axes, over half the detector's size,
-#: and least share of the light on a detector, in a magnified motion.
-INSIDE, LEAST = 0.80, 0.06
-#: The largest rotation of a head in a picture, rad.
+#: Limits of a magnified motion: distance of a spot's centroid from its detector's axes, over half
+#: the detector's size; and fraction of the light on each detector.
+MAX_OFFSET, MIN_POWER = 0.80, 0.06
+#: Largest rotation of a head in a picture, rad.
 MAX_TURN_RAD = 0.3
 
 VIEWS: dict[str, Callable[..., views.SceneView]] = {
@@ -67,39 +62,40 @@ VIEWS: dict[str, Callable[..., views.SceneView]] = {
 
 @dataclass(frozen=True)
 class PictureForm:
-    """How a picture is drawn.
+    """View, size and style of a picture.
 
-    size: pixels.  title: begins the caption.  sharpness: samples a side of each pixel.
+    size: width and height, pixels.  title: beginning of the caption.
     """
 
     view: ViewName = "both"
     size: tuple[int, int] = (1200, 900)
     theme: ThemeName = "dark"
     title: str = ""
-    sharpness: int = 2
 
 
 class Picture(ClosedAtExit):
     """A view of the sensor at a state that can be changed.
 
-    more: further inputs of a view: `rules` of a range, `motion` (n, 8) of a trail.
+    inputs: further inputs of a view: `rules` of a range, `motion` (n, 8) of a trail.
     """
 
     def __init__(
-        self, sensor: Sensor, state: Floats, form: PictureForm | None = None, **more: Any
+        self, sensor: Sensor, state: Floats, form: PictureForm | None = None, **inputs: Any
     ) -> None:
         self.form = form or PictureForm()
         self.theme, rig = THEMES[self.form.theme], RigModel(sensor)
         self.laser = LASER_HEIGHT * rig.unit
-        self.view = VIEWS[self.form.view](rig, self.theme, self.form.size, **more)
-        self.studio = Studio(self.view.parts, self.theme, self.view.aside)
-        self.floor = floor_under(self.studio, self.view.points(), (rig.floor - 14) * rig.unit)
+        self.view = VIEWS[self.form.view](rig, self.theme, self.form.size, **inputs)
+        self.studio = Studio(self.view.parts, self.theme, self.view.extra)
+        if self.view.look.floor:
+            add_floor(self.studio, self.view.points(), (rig.floor - 14) * rig.unit, self.theme)
         self.move(state)
 
     def move(self, state: Floats, factor: float = 1.0, turning: float = 1.0) -> None:
-        """Move to another state (8,), mm and rad, drawn `factor` times as large.
+        """Move to another state (8,), mm and rad, and draw it `factor` times as large.
 
-        turning: further magnification of the head's rotation about its apex in the large picture.
+        turning: additional magnification of the head's rotation about its apex, in the main
+        picture only.
         """
         self.state, self.factor, self.turning = np.asarray(state, float), factor, turning
         self.view.move(factor * self.state)
@@ -107,27 +103,27 @@ class Picture(ClosedAtExit):
     def take(
         self, camera: Camera, assemblies: Collection[str], state: Floats, turning: float
     ) -> Shot:
-        """Render parts at a state, the head's angles `turning` times as large."""
+        """Render parts at a state; the head's angles are multiplied by `turning`."""
         self.studio.move(state, turning)
-        return self.studio.take(camera, assemblies, self.form.sharpness)
+        return self.studio.take(camera, assemblies)
 
     def expose(self, camera: Camera, look: Exposure, turning: float = 1.0) -> Floats:
-        """Render parts and light, (h, w, 3), 0 to 1."""
+        """Compute the picture of parts and light, (h, w, 3), 0 to 1."""
         shot = self.take(camera, look.assemblies, self.view.state, turning)
-        picture = expose(self.view.stand, shot, self.theme, self.floor, look, self.laser)
+        picture = expose(self.view.posed, shot, self.theme, look, self.laser)
         for ghost in look.ghosts:
-            shown = self.take(camera, ghost.assemblies, ghost.state, 1.0)
-            share = np.where(shown.depth < shot.depth, ghost.front, ghost.behind)[..., None]
-            picture = picture * (1 - share * shown.cover[..., None]) + share * shown.colour
+            parts = self.take(camera, ghost.assemblies, ghost.state, 1.0)
+            opacity = np.where(parts.depth < shot.depth, ghost.front, ghost.behind)[..., None]
+            picture = picture * (1 - opacity * parts.cover[..., None]) + opacity * parts.colour
         return picture
 
     def image(self, camera: Camera | None = None) -> Any:
-        """Return the picture (h, w, 3), 0 to 255, by default as the view's camera sees it."""
-        with style_context(text__hinting="none"):  # letters are as wide as they are measured
+        """Return the picture (h, w, 3), 0 to 255; by default, as the view's camera sees it."""
+        with style_context(text__hinting="none"):  # letters have the width that is measured
             return self.annotate(camera or self.view.camera)
 
     def annotate(self, camera: Camera) -> Any:
-        """Render the picture that a camera sees with its caption, insets and labels."""
+        """Draw the picture that a camera sees, with its caption, insets and labels."""
         view = self.view
         sheet = DrawingSheet(self.expose(camera, view.look, self.turning), self.theme)
         note = factor_in_words(self.factor, self.turning) or view.note
@@ -154,27 +150,27 @@ class Picture(ClosedAtExit):
         self.studio.close()
 
 
-# --- scenes that can be turned: bodies of light beside the parts ---------------------------------
+# --- scenes for other programs: parts, and light as bodies ---------------------------------------
 
 
-def light_bodies(stand: Stand, length: float) -> list[RigPart]:
-    """Make the beam from a length (mm) above the apex, the sub-beams and the spots as surfaces."""
+def light_bodies(posed: PosedSensor, length: float) -> list[RigPart]:
+    """Make surfaces of the beam, from a length (mm) above the apex, the sub-beams and the spots."""
     theme = THEMES["light"]
-    back = -np.array(stand.geometry.direction)
+    back = -np.array(posed.geometry.direction)
     bodies, feet = [], []
     for k, hue in enumerate(theme.hues):
-        start, end = scene.rims(stand, k)
+        start, end = scene.rims(posed, k)
         if not len(start):
             continue
-        feet.append(scene.array(stand.facet_points(k, scene.cut(stand, k)[-1])))
+        feet.append(scene.array(posed.facet_points(k, scene.cut(posed, k)[-1])))
         material = Material(hue, clear=0.5, even=True)
         bodies.append(RigPart(f"sub-beam {DETECTORS[k]}", "light", material, bands([start, end])))
-        spot = end - SPOT_OFFSET_MM * np.array(stand.geometry.axes[k][0])
+        spot = end - SPOT_OFFSET_MM * np.array(posed.geometry.axes[k][0])
         face = Solid(spot, [list(range(len(spot)))])
         bodies.append(RigPart(f"spot {DETECTORS[k]}", "light", Material(hue, even=True), face))
     if feet:
         foot = np.concatenate(feet)
-        top = foot + ((length + stand.at.apex[2] - foot[:, 2]) / back[2])[:, None] * back
+        top = foot + ((length + posed.at.apex[2] - foot[:, 2]) / back[2])[:, None] * back
         material = Material(theme.beam, clear=0.5, even=True)
         bodies.append(RigPart("beam", "light", material, bands([foot, top])))
     return bodies
@@ -182,8 +178,8 @@ def light_bodies(stand: Stand, length: float) -> list[RigPart]:
 
 def save_scene(sensor: Sensor, state: Floats, path: Path) -> None:
     """Write a glTF file: the rig's parts with their materials, and the light as bodies."""
-    rig, stand = RigModel(sensor), Stand.from_state(sensor, state)
-    studio = Studio([*rig.parts(), *light_bodies(stand, 120)], THEMES["light"])
+    rig, posed = RigModel(sensor), PosedSensor.from_state(sensor, state)
+    studio = Studio([*rig.parts(), *light_bodies(posed, 120)], THEMES["light"])
     studio.move(state)
     studio.plotter.camera_position = [(430, -540, 330), (0, 0, 0), (0, 0, 1)]
     studio.plotter.reset_camera()
@@ -197,22 +193,22 @@ def save_scene(sensor: Sensor, state: Floats, path: Path) -> None:
 # --- films ---------------------------------------------------------------------------------------
 
 
-def ease_camera(camera: Camera, share: float) -> Camera:
-    """Return the camera at a share of a film: it swings to both sides, and is nearer in the middle.
+def swing_camera(camera: Camera, phase: float) -> Camera:
+    """Move the camera for a phase of a film, 0 to 1: to both sides, and nearer in the middle.
 
-    At the end it has its first place and speed, so that a film can be repeated.
+    At the end the camera has its first place and speed, so that a film can be repeated.
     """
-    angle = SWING_RAD * np.sin(2 * np.pi * share)
-    nearer = NEARER_SHARE * (1 - np.cos(2 * np.pi * share)) / 2
+    angle = SWING_RAD * np.sin(2 * np.pi * phase)
+    approach = APPROACH * (1 - np.cos(2 * np.pi * phase)) / 2
     direction = np.array(rotation(0.0, 0.0, angle), float) @ np.asarray(camera.direction, float)
-    return replace(camera, direction=direction, height=(1 - nearer) * camera.height)
+    return replace(camera, direction=direction, height=(1 - approach) * camera.height)
 
 
 @dataclass(frozen=True)
 class Film:
-    """A motion, state by state (n, 8), with its frames a second and its magnification `factor`.
+    """A motion: states (n, 8), frames per second, and the magnification of the motion.
 
-    turning: further magnification of the head's rotation in the large picture; light has `factor`.
+    turning: additional magnification of the head's rotation in the main picture.
     """
 
     states: Floats
@@ -221,38 +217,39 @@ class Film:
     turning: float = 1.0
 
 
-def film_frames(
-    av: Any, picture: Picture, film: Film, size: Sequence[int], on_progress: OnProgress
-) -> Iterator[Any]:
-    """Draw the frames of a film, the last row and column black where a size is one more."""
+def film_frames(picture: Picture, film: Film, on_progress: OnProgress) -> Iterator[Any]:
+    """Draw the frames of a film, (h, w, 3), 0 to 255."""
     still, count = picture.view.camera, len(film.states)
     for n, state in enumerate(film.states):
         picture.move(state, film.factor, film.turning)
-        image = picture.image(ease_camera(still, n / count))
-        more = np.subtract((*size[::-1], 3), image.shape)
-        frame = av.VideoFrame.from_ndarray(np.pad(image, [(0, pixels) for pixels in more]))
-        frame.pts = n
-        yield frame
+        yield picture.image(swing_camera(still, n / count))
         on_progress(n + 1, count)
 
 
-def few_colours(
-    av: Any, frames: Iterable[Any], size: Sequence[int], rate: Fraction
-) -> Iterator[Any]:
-    """Yield frames in the few colours of a GIF: those of what moves, once all frames are drawn."""
-    graph = av.filter.Graph()
-    source = graph.add_buffer(None, *size, "rgb24", None, 1 / rate)
-    colours = graph.add("palettegen", "max_colors=112:stats_mode=diff")
-    split, last = graph.add("split"), graph.add("paletteuse", "dither=none")
-    graph.link_nodes(source, split, colours).link_nodes(last, graph.add("buffersink"))
-    split.link_to(last, 1, 0)
-    colours.link_to(last, 0, 1)
-    graph.configure()
-    for frame in chain(frames, [None]):
-        graph.push(frame)
-    with suppress(EOFError):
-        while True:
-            yield graph.pull()
+def write_gif(frames: Iterator[Any], rate: float, path: Path) -> None:
+    """Write frames as a GIF that repeats, with the colours of the first frame."""
+    from PIL import Image
+
+    images = map(Image.fromarray, frames)
+    first = next(images).quantize(255, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    others = (image.quantize(palette=first, dither=Image.Dither.NONE) for image in images)
+    first.save(path, "gif", save_all=True, append_images=others, duration=1000 / rate, loop=0)
+
+
+def write_mp4(frames: Iterator[Any], rate: float, path: Path) -> None:
+    """Write frames as H.264; an odd width or height gets one more row or column, black."""
+    av = require_extra("av", "a film")
+    with av.open(str(path), "w", "mp4", {"movflags": "+faststart"}) as file:
+        stream = file.add_stream("libx264", Fraction(rate).limit_denominator(), {"crf": "10"})
+        for n, image in enumerate(frames):
+            height, width, _ = image.shape
+            even = np.pad(image, [(0, height % 2), (0, width % 2), (0, 0)])
+            frame = av.VideoFrame.from_ndarray(even)
+            frame.pts = n
+            if n == 0:
+                stream.width, stream.height, stream.pix_fmt = frame.width, frame.height, "yuv420p"
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode())
 
 
 def write_film(
@@ -260,45 +257,36 @@ def write_film(
 ) -> None:
     """Write a film; a failure leaves no file.
 
-    on_progress: takes the frames done and their number.
+    on_progress: callback (frames drawn, number of frames).
     """
-    av = require_extra("av", "a film")
-    is_gif, rate = path.suffix.lower() == ".gif", Fraction(film.rate).limit_denominator()
-    form, options, codec, quality, pixels = GIF if is_gif else H264
-    size = [side if is_gif else side + side % 2 for side in picture.form.size]
-    frames = film_frames(av, picture, film, size, on_progress)
-    with Whole(path) as temporary, av.open(str(temporary), "w", form, options) as file:
-        stream = file.add_stream(codec, rate, quality)
-        stream.width, stream.height, stream.pix_fmt = *size, pixels
-        stored = few_colours(av, frames, size, rate) if is_gif else frames
-        for frame in chain(stored, [None]):
-            file.mux(stream.encode(frame))
+    write = write_gif if path.suffix.lower() == ".gif" else write_mp4
+    with Whole(path) as temporary:
+        write(film_frames(picture, film, on_progress), film.rate, temporary)
 
 
 def motion_factor(sensor: Sensor, states: Floats) -> float:
-    """The largest round factor, 1 or more, by which states (n, 8) may be multiplied with all three
-    spots on their detectors and light on each; the larger motion is then possible."""
-    some = states[:: max(1, len(states) // 100)]
+    """Find the largest round factor, 1 or more, by which states (n, 8) can be multiplied while all
+    spots stay on their detectors."""
+    sample = states[:: max(1, len(states) // 100)]
     factor = 1.0
-    for more in (2, 5, 10, 20, 50, 100, 200, 500, 1000):
-        if not stays_on_detectors(sensor, more * some):
+    for larger in (2, 5, 10, 20, 50, 100, 200, 500, 1000):
+        if not stays_on_detectors(sensor, larger * sample):
             break
-        factor = float(more)
+        factor = float(larger)
     return factor
 
 
 def stays_on_detectors(sensor: Sensor, states: Floats) -> bool:
-    """Return whether all spots are well on their detectors in all states."""
+    """Return whether, in all states, the spots are well inside their detectors."""
     reading = readings(sensor, states)
     power = reading[:, 2::3]
-    if not (power > LEAST * sensor.beam.power).all():
+    if not (power > MIN_POWER * sensor.beam.power).all():
         return False
     places = np.stack([reading[:, 0::3], reading[:, 1::3]], axis=-1)
-    return bool((np.abs(places) < INSIDE * half_sizes(sensor)).all())
+    return bool((np.abs(places) < MAX_OFFSET * half_sizes(sensor)).all())
 
 
 def turning_factor(states: Floats) -> float:
-    """The round factor by which the head's own rotation may be magnified further, up to about a
-    tenth of a turn to either side, about its apex, which does not move."""
+    """Find the round factor, 1 or more, that magnifies the head's rotation to `MAX_TURN_RAD`."""
     largest = float(np.abs(states[:, 3:6]).max())
     return max(1.0, round_down(MAX_TURN_RAD / largest)) if largest > 0 else 1.0

@@ -17,7 +17,7 @@ from ...core.names import DETECTORS
 from ...core.sensor import Sensor
 from ...core.units import Floats
 from .camera import normalize
-from .scene import Stand
+from .scene import PosedSensor
 from .solids import (
     PartFrame,
     RigPart,
@@ -51,9 +51,9 @@ class RigModel:
     """
 
     def __init__(self, sensor: Sensor) -> None:
-        self.sensor, self.stand = sensor, Stand.from_state(sensor, np.zeros(8))
+        self.sensor, self.posed = sensor, PosedSensor.from_state(sensor, np.zeros(8))
         self.unit = min(1.0, min(psd.radius for psd in sensor.psds) / FULL_SIZE_RADIUS_MM)
-        self.centres = np.array(self.stand.geometry.centres, float)
+        self.centres = np.array(self.posed.geometry.centres, float)
         lowest = min(self.centres[k, 2] / self.unit - self.housing(k)[1] / 2 for k in range(3))
         self.floor = min(float(lowest) - 22, -70)
         self.head_radius = min(HEAD_RADIUS, sensor.apertures.rim / self.unit)
@@ -69,13 +69,13 @@ class RigModel:
 
     def detector_frame(self, k: int) -> PartFrame:
         """Return the frame of a detector: sideways, upward and out of its back from its face."""
-        axes = np.array(self.stand.geometry.axes[k], float)[[1, 2, 0]]
+        axes = np.array(self.posed.geometry.axes[k], float)[[1, 2, 0]]
         return PartFrame(f"detector {DETECTORS[k]}", self.unit, self.centres[k], axes)
 
     def laser_frame(self) -> PartFrame:
         """Return the frame at the place where the beam leaves the laser: z against the beam."""
-        back = -np.array(self.stand.geometry.direction)
-        origin = np.array(self.stand.at.place) + LASER_HEIGHT * self.unit / back[2] * back
+        back = -np.array(self.posed.geometry.direction)
+        origin = np.array(self.posed.at.place) + LASER_HEIGHT * self.unit / back[2] * back
         aside = normalize(np.cross(np.array([0, 1.0, 0]), back))
         return PartFrame("laser", self.unit, origin, np.array([aside, np.cross(back, aside), back]))
 
@@ -105,7 +105,7 @@ class RigModel:
         """Yield the mirror with its facets, ground sides and bevelled rim, its mount and post."""
         frame, radius = PartFrame("head", self.unit), self.head_radius
         bevel = 0.03 * radius
-        normals = np.array(self.stand.geometry.normals, float)
+        normals = np.array(self.posed.geometry.normals, float)
         down = np.cross(normals, np.roll(normals, 1, axis=0))
         edges = np.unwrap(np.arctan2(down[[0, 1, 2, 0], 1], down[[0, 1, 2, 0], 0]))
         turns = [np.linspace(edges[k], edges[k + 1], RIM_POINTS) for k in range(3)]

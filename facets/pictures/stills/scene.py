@@ -49,7 +49,7 @@ def array(vector: Any) -> Floats:
 
 
 @dataclass(frozen=True)
-class Stand:
+class PosedSensor:
     """A sensor and its mirror's place."""
 
     sensor: Sensor
@@ -57,7 +57,7 @@ class Stand:
     at: Scene
 
     @classmethod
-    def from_state(cls, sensor: Sensor, state: Floats) -> Stand:
+    def from_state(cls, sensor: Sensor, state: Floats) -> PosedSensor:
         geometry = geometry_of(sensor)
         numbers = [float(x) for x in state]
         return cls(sensor, geometry, dark_scene(geometry, tuple(numbers)))
@@ -89,12 +89,12 @@ class Stand:
         return np.array(at.q), np.array(at.sides[k]), np.array(at.sides[(k + 1) % 3])
 
 
-def cut(stand: Stand, k: int) -> Floats:
+def cut(posed: PosedSensor, k: int) -> Floats:
     """Return the light on facet k across the beam, sigmas: (RADII, ANGLES, 2), or an empty array.
 
     Along each direction from the apex the points lie inside the circle.
     """
-    q, first, second = stand.sides(k)
+    q, first, second = posed.sides(k)
     low = np.arctan2(first[1], first[0])
     high = low + np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second)
     for _ in range(2):  # again if only some directions meet the circle: as many points across those
@@ -113,37 +113,37 @@ def cut(stand: Stand, k: int) -> Floats:
     return grid
 
 
-def rims(stand: Stand, k: int) -> Floats:
+def rims(posed: PosedSensor, k: int) -> Floats:
     """Return the rim of sub-beam k on its facet and on its detector, (2, n, 3): out along one edge
     of the facet, across, and back; n is 0 without light."""
-    grid = cut(stand, k)
+    grid = cut(posed, k)
     if not len(grid):
         return np.empty((2, 0, 3))
     parts = [grid[:, 0], grid[-1, 1:], grid[::-1, -1][1:], grid[0, ::-1][1:-1]]
     rim = np.concatenate(parts)
-    return np.array([array(stand.facet_points(k, rim)), array(stand.detector_points(k, rim))])
+    return np.array([array(posed.facet_points(k, rim)), array(posed.detector_points(k, rim))])
 
 
 def rim_of(sensor: Sensor) -> float:
     return min(sensor.apertures.rim, RIM_MM)
 
 
-def mirror(stand: Stand) -> Floats:
+def mirror(posed: PosedSensor) -> Floats:
     """Return the corners of the three facets, (3, 3, 3): the apex, and two on the rim."""
-    turn, apex = stand.at.turn, np.array(stand.at.apex)
-    edges = np.array([rotate(turn, edge) for edge in mirror_edges(stand.geometry.normals)])
+    turn, apex = posed.at.turn, np.array(posed.at.apex)
+    edges = np.array([rotate(turn, edge) for edge in mirror_edges(posed.geometry.normals)])
     falls = -edges @ np.array([row[2] for row in turn])
-    feet = apex + edges * rim_of(stand.sensor) / falls[:, None]
+    feet = apex + edges * rim_of(posed.sensor) / falls[:, None]
     return np.array([[apex, feet[k], feet[(k + 1) % 3]] for k in range(3)])
 
 
-def spot(stand: Stand, k: int) -> SpotLight:
+def spot(posed: PosedSensor, k: int) -> SpotLight:
     """Compute the image on detector k that Fig. 2 of the paper shows."""
     turn = np.linspace(0, 2 * np.pi, 181)
     circle = CIRCLE * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    cross = cut(stand, k)
+    cross = cut(posed, k)
     grid, *places = (
-        stand.flat(k, array(stand.detector_points(k, part)))
-        for part in (cross, np.array(stand.at.q), np.zeros(2), circle)
+        posed.flat(k, array(posed.detector_points(k, part)))
+        for part in (cross, np.array(posed.at.q), np.zeros(2), circle)
     )
     return SpotLight(grid, np.exp(-(cross**2).sum(axis=-1) / 2), *places)

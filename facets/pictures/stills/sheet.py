@@ -16,6 +16,7 @@ from ...core.units import MICRO, Floats
 from .camera import Camera
 from .exposure import Exposure
 from .materials import Theme
+from .studio import as_bytes
 
 #: Left, top, right and bottom in pixels.
 Box = tuple[float, float, float, float]
@@ -88,11 +89,6 @@ def unit_of(size: tuple[int, int]) -> float:
 def length_in_words(length: float) -> str:
     """Format a length in mm: "100 mm", "200 µm"."""
     return f"{length:g} mm" if length >= 1 else f"{1e3 * length:.4g} {MICRO}m"
-
-
-def as_bytes(picture: Floats) -> Any:
-    """Convert shares to bytes, 0 to 255."""
-    return (255 * np.clip(picture, 0, 1) + 0.5).astype(np.uint8)
 
 
 class DrawingSheet:

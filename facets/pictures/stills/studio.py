@@ -1,7 +1,7 @@
-"""Parts in a studio: three soft lights around them, and a camera.
+"""A studio: parts among three soft lights, rendered by VTK.
 
-The colours and depths of the parts' pixels come from VTK, which also renders without a display and
-without a graphics card. Ground, light and letters are added to that.
+VTK gives the colour and the depth of each pixel, also without a display or a graphics card. Beams,
+shade and letters are added afterwards.
 """
 
 from __future__ import annotations
@@ -29,17 +29,19 @@ LAMPS = (
     ((0.2, 1.5, 1.0), "#EAF2FF", 1.7),
 )
 #: Soft lights that the parts reflect: row and column of the middle, half height and half width, as
-#: shares of the surroundings, and power.
+#: fractions of the surroundings, and power.
 SOFTBOXES = (
     (0.10, 0.30, 0.13, 0.40, 0.75),
     (0.34, 0.62, 0.20, 0.10, 0.95),
     (0.36, 0.12, 0.24, 0.06, 0.95),
     (0.40, 0.86, 0.14, 0.12, 0.6),
 )
+#: Samples along each side of a pixel.
+SHARPNESS = 2
 
 
 def library() -> Any:
-    """Import pyvista, set up for the case without a display."""
+    """Import pyvista, set up to render without a display."""
     if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     try:
@@ -58,8 +60,7 @@ def library() -> Any:
 
 
 def mesh_of(solid: Solid, smooth: bool) -> Any:
-    """Convert a surface to a mesh, if smooth with normals: shared across flat edges, split at sharp
-    ones."""
+    """Convert a surface to a mesh; a smooth one has normals, which are split at sharp edges."""
     faces = np.concatenate([[len(face), *face] for face in solid.faces])
     mesh = library().PolyData(np.asarray(solid.points, float), faces)
     if not smooth:
@@ -70,22 +71,20 @@ def mesh_of(solid: Solid, smooth: bool) -> Any:
 
 
 def cut_parts(parts: Iterable[RigPart], normal: Floats) -> list[RigPart]:
-    """Cut parts by a plane through the origin: the parts behind it, and the faces of the cut.
+    """Cut parts by a plane through the origin; return the rear pieces and the faces of the cut.
 
     normal: towards the removed side.
     """
-    kept = []
+    pieces = []
     for part in parts:
-        away = part.solid.points @ normal
-        if away.max() <= 0:
-            kept.append(part)
-        elif away.min() < 0:
+        height = part.solid.points @ normal
+        if height.max() <= 0:
+            pieces.append(part)
+        elif height.min() < 0:
             rest, face = cut_solid(part.solid, normal)
-            kept.append(replace(part, solid=rest))
-            if face.faces:
-                material = Material(part.material.cut, even=True, outlined=True)
-                kept.append(replace(part, solid=face, material=material))
-    return kept
+            material = Material(part.material.cut, even=True, outlined=True)
+            pieces += [replace(part, solid=rest), replace(part, solid=face, material=material)]
+    return pieces
 
 
 def cut_solid(solid: Solid, normal: Floats) -> tuple[Solid, Solid]:
@@ -108,10 +107,10 @@ def cut_solid(solid: Solid, normal: Floats) -> tuple[Solid, Solid]:
 
 @dataclass(frozen=True)
 class Shot:
-    """A camera's picture of the parts.
+    """The parts as a camera renders them.
 
-    colour: (h, w, 3), 0 to 1, black where no part is.  cover: (h, w) opacity of the parts.
-    depth: (h, w), mm along the camera's axis, infinite where no part is.
+    colour: (h, w, 3), 0 to 1, black where no part is.  cover: (h, w), opacity of the parts, 0 to 1.
+    depth: (h, w), distance behind the focus, mm, infinite where no opaque part is.
     """
 
     camera: Camera
@@ -123,29 +122,14 @@ class Shot:
         """Return a picture (h, w) without light."""
         return np.zeros(self.depth.shape, np.float32)
 
-    def halve(self) -> Shot:
-        """Return the shot of half the pixels a side, with the depths of some, if it is even."""
-        width, height = self.camera.size
-        if width % 2 or height % 2:
-            return self
-        camera = replace(self.camera, size=(width // 2, height // 2))
-        depth = np.minimum(self.depth[::2, ::2], self.depth[1::2, 1::2])
-        return Shot(camera, self.colour[::2, ::2], self.cover[::2, ::2], depth)
 
-
-def enlarge(picture: Floats, size: tuple[int, int]) -> Any:
-    """Resize a picture (h, w) to another width and height by linear interpolation."""
-    from PIL import Image
-
-    if picture.shape == size[::-1]:
-        return picture
-    image = Image.fromarray(picture.astype(np.float32))
-    return np.asarray(image.resize(size, Image.Resampling.BILINEAR))
+def as_bytes(picture: Floats) -> Any:
+    """Convert 0 to 1 to bytes, 0 to 255."""
+    return (255 * np.clip(picture, 0, 1) + 0.5).astype(np.uint8)
 
 
 def surroundings(theme: Theme) -> Any:
-    """Return the environment that the parts reflect, (64, 128, 3): a large soft light above, one
-    from the side, a narrow one from behind, and a floor."""
+    """Return the environment that the parts reflect, (64, 128, 3), bytes."""
     rows, columns = np.linspace(0, 1, 64)[:, None], np.linspace(0, 1, 128)
     sky, floor = (0.42, 0.20) if theme.shines else (0.64, 0.55)
     light = np.where(rows > 0.53, floor, sky - 0.30 * rows) + 0 * columns
@@ -153,17 +137,17 @@ def surroundings(theme: Theme) -> Any:
         around = np.abs((columns - column + 0.5) % 1 - 0.5)
         edge = np.maximum(np.abs(rows - row) / tall, around / wide)
         light += power / (1 + np.exp(np.clip(24 * (edge - 1), -50, 50)))
-    return (255 * np.clip(light[..., None] * [0.97, 1.0, 1.04], 0, 1)).astype(np.uint8)
+    return as_bytes(light[..., None] * [0.97, 1.0, 1.04])
 
 
 class Studio:
     """Parts that a camera can render from any place.
 
-    aside: parts that are only in pictures that name their assemblies.
+    extra: parts that appear only in pictures that name their assemblies.
     """
 
     def __init__(
-        self, parts: Sequence[RigPart], theme: Theme, aside: Sequence[RigPart] = ()
+        self, parts: Sequence[RigPart], theme: Theme, extra: Sequence[RigPart] = ()
     ) -> None:
         self.pyvista = library()
         self.plotter = self.pyvista.Plotter(off_screen=True, window_size=[64, 64], lighting="none")
@@ -175,13 +159,13 @@ class Studio:
         self.surround(theme)
         groups: dict[tuple[str, Material], list[Solid]] = {}
         self.main = {part.assembly for part in parts}
-        for part in (*parts, *aside):  # few surfaces, since each takes time
+        for part in (*parts, *extra):  # few surfaces, since each takes time
             groups.setdefault((part.assembly, part.material), []).append(part.solid)
         for (assembly, material), solids in groups.items():
             self.add(assembly, join(solids), material)
 
     def surround(self, theme: Theme) -> None:
-        """Add what the parts reflect, and the lamps."""
+        """Add the lamps and the environment that the parts reflect."""
         texture = self.pyvista.Texture(surroundings(theme))
         texture.SetMipmap(True)
         texture.SetInterpolate(True)
@@ -192,7 +176,7 @@ class Studio:
         renderer.SetEnvironmentRight(1, 0, 0)
         renderer.GetEnvMapPrefiltered().SetPrefilterMaxSamples(32)
         renderer.GetEnvMapPrefiltered().SetPrefilterLevels(4)
-        table = renderer.GetEnvMapLookupTable()  # of a size that soft light needs
+        table = renderer.GetEnvMapLookupTable()  # small: the light is soft
         table.SetLUTSize(128)
         table.SetLUTSamples(32)
         for place, colour, power in LAMPS:
@@ -224,8 +208,22 @@ class Studio:
                 reset_camera=False, render=False,
             )))  # fmt: skip
 
+    def add_floor(self, picture: Any, reach: float, z: float) -> None:
+        """Add a picture (n, n, 4), bytes, as a floor from -reach to reach at z; its first row is at
+        the smallest y."""
+        corners = reach * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+        floor = mesh_of(Solid(np.insert(corners, 2, z, axis=1), [[0, 1, 2, 3]]), False)
+        floor.active_texture_coordinates = (corners / reach + 1) / 2
+        actor = self.plotter.add_mesh(
+            floor, texture=self.pyvista.Texture(picture[::-1].copy()), lighting=False,
+            reset_camera=False, render=False,
+        )  # fmt: skip
+        actor.ForceTranslucentOn()
+        self.main.add("floor")
+        self.actors.append(("floor", actor))
+
     def move(self, state: Floats, turning: float = 1.0) -> None:
-        """Move head and laser to a state (8,), the head's angles `turning` times as large."""
+        """Move head and laser to a state (8,); the head's angles are multiplied by `turning`."""
         moved = {"head": np.eye(4), "laser": np.eye(4)}
         moved["head"][:3, :3] = np.array(rotation(*(turning * state[3:6])), float)
         moved["head"][:3, 3], moved["laser"][:2, 3] = state[:3], state[6:]
@@ -233,34 +231,33 @@ class Studio:
             if assembly in moved:
                 actor.user_matrix = moved[assembly]
 
-    def take(self, camera: Camera, assemblies: Collection[str] = (), sharpness: int = 2) -> Shot:
-        """Render the camera's picture of assemblies, by default of the rig's, from `sharpness`^2
-        samples a pixel."""
+    def take(self, camera: Camera, assemblies: Collection[str] = ()) -> Shot:
+        """Render assemblies, by default those of the rig, from `SHARPNESS`^2 samples a pixel."""
         for assembly, actor in self.actors:
             actor.visibility = assembly in (assemblies or self.main)
         width, height = camera.size
         window, view = self.plotter.render_window, self.plotter.renderer.GetActiveCamera()
         camera.apply(view)
         self.plotter.renderer.ResetCameraClippingRange()
-        # strips, since the library keeps several buffers of all samples
-        count = max(n for n in range(1, sharpness**2 + 1) if height % n == 0)
-        self.plotter.window_size = [width * sharpness, height * sharpness // count]
+        # strips, since VTK holds several buffers of all samples
+        count = max(n for n in range(1, SHARPNESS**2 + 1) if height % n == 0)
+        window.SetSize(width * SHARPNESS, height * SHARPNESS // count)
         strips = []
         for n in reversed(range(count)):  # from the top
             camera.apply(view, n, count)
             window.Render()
-            strips.append(develop(*buffers(window), sharpness))
+            strips.append(develop(*buffers(window)))
         colour, nearest = (np.concatenate(parts) for parts in zip(*strips, strict=True))
         shown = np.divide(colour, 255, dtype=np.float32)
-        depth = depth_of(nearest, view.GetClippingRange(), camera.parallel)
-        return Shot(camera, shown[..., :3], shown[..., 3], depth)
+        depth = depth_of(nearest, *view.GetClippingRange()) - camera.distance
+        return Shot(camera, shown[..., :3], shown[..., 3], depth.astype(np.float32))
 
     def close(self) -> None:
         self.plotter.close()
 
 
 def buffers(window: Any) -> tuple[Any, Any]:
-    """Return colour and cover (h, w, 4) of each sample, 0 to 255, and its level of depth (h, w)."""
+    """Return colour and opacity of each sample (h, w, 4), 0 to 255, and its depth level (h, w)."""
     from vtkmodules.util import numpy_support
     from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 
@@ -273,19 +270,16 @@ def buffers(window: Any) -> tuple[Any, Any]:
     return colour, as_array(levels).reshape(height, width)[::-1]
 
 
-def develop(colour: Any, level: Any, sharpness: int) -> tuple[Any, Any]:
-    """Reduce samples to pixels: colours and covers are averaged, and levels are the nearest."""
+def develop(colour: Any, level: Any) -> tuple[Any, Any]:
+    """Reduce samples to pixels: the mean of colour and opacity, and the nearest depth level."""
     from PIL import Image
 
-    image = Image.fromarray(np.ascontiguousarray(colour), "RGBa").reduce(sharpness)
-    cells = [level[i::sharpness, j::sharpness] for i, j in np.ndindex(sharpness, sharpness)]
+    image = Image.fromarray(np.ascontiguousarray(colour), "RGBa").reduce(SHARPNESS)
+    cells = [level[i::SHARPNESS, j::SHARPNESS] for i, j in np.ndindex(SHARPNESS, SHARPNESS)]
     return np.asarray(image), np.minimum.reduce(cells)
 
 
-def depth_of(level: Any, clipping: tuple[float, float], parallel: bool) -> Floats:
-    """Depths in mm of levels, 0 at the nearer, 1 at the farther end of the range of depths."""
-    near, far = clipping
-    span = level.astype(float) * (far - near)
-    depth: Floats = near + span if parallel else near * far / (far - span)
-    depth[level >= 1] = np.inf
-    return depth
+def depth_of(level: Any, near: float, far: float) -> Floats:
+    """Convert depth levels, 0 at the near and 1 at the far end of the clipping range, to mm."""
+    depth = near * far / (far - level.astype(float) * (far - near))
+    return np.where(level < 1, depth, np.inf)

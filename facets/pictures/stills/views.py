@@ -17,7 +17,7 @@ from .exposure import Exposure, Ghost
 from .materials import THEMES, Material, Theme, rgb
 from .range_solid import COLOURS, REASONS, range_solid
 from .rig import RigModel
-from .scene import Stand, array, cut
+from .scene import PosedSensor, array, cut
 from .sheet import Dimension, Inset, Label, Polyline, Words, length_in_words, unit_of
 from .solids import RigPart, Solid, join
 from .studio import cut_parts
@@ -84,7 +84,7 @@ class SceneView:
 
     def __init__(self, rig: RigModel, theme: Theme, size: tuple[int, int]) -> None:
         self.rig, self.sensor, self.theme, self.size = rig, rig.sensor, theme, size
-        self.aside: list[RigPart] = []
+        self.extra: list[RigPart] = []
         self.parts = self.choose_parts()
         self.move(np.zeros(8))
         self.camera = self.place_camera()
@@ -96,7 +96,7 @@ class SceneView:
         raise NotImplementedError
 
     def move(self, state: Floats) -> None:
-        self.state, self.stand = state, Stand.from_state(self.sensor, state)
+        self.state, self.posed = state, PosedSensor.from_state(self.sensor, state)
 
     def labels(self) -> list[Label]:
         return []
@@ -126,7 +126,7 @@ class SceneView:
         frame, psd = self.rig.detector_frame(k), self.sensor.psds[k]
         camera = Camera(
             frame.origin, -frame.axes[2], 1.16 * max(psd.size_z, psd.size_y), (side, side),
-            away=1.8 * self.rig.unit, upward=frame.axes[1],
+            upward=frame.axes[1],
         )  # fmt: skip
         look = Exposure((f"face {DETECTORS[k]}",), 0.0, 3.0, floor=False, glows=True)
         words = f"{psd.size_y:g} x {psd.size_z:g} mm, {note}"
@@ -180,7 +180,7 @@ class CombinedView(RigView):
     area = (0.165, 0.03, 0.835, 0.93)
 
     def choose_parts(self) -> list[RigPart]:
-        self.aside = list(self.rig.faces())
+        self.extra = list(self.rig.faces())
         return super().choose_parts()
 
     def insets(self) -> list[Inset]:
@@ -234,10 +234,10 @@ class MirrorView(SceneView):
 
     def outline(self, k: int) -> list[Label]:
         """Return the line where the light on facet k falls to 1/e^2 of its maximum."""
-        cross, normal = cut(self.stand, k), np.array(self.stand.at.normals[k], float)
+        cross, normal = cut(self.posed, k), np.array(self.posed.at.normals[k], float)
         if not len(cross) or self.camera.axes[2] @ normal > 0:
             return []
-        rim = array(self.stand.facet_points(k, cross[-1]))
+        rim = array(self.posed.facet_points(k, cross[-1]))
         return [Polyline(rim, self.theme.ink, 1.1, (0, (5, 4)))]
 
     def width_across(self) -> Label:
@@ -281,7 +281,7 @@ class CutawayView(SceneView):
     """The rig cut along the beam and through detector A, square to the cut, with its dimensions."""
 
     what, scale = "cut along the beam and through detector A", ""
-    look = Exposure(dark=(1, 2), floor=False)
+    look = Exposure(hidden=(1, 2), floor=False)
 
     def normal(self) -> Floats:
         """Return the direction of the removed side."""
@@ -378,7 +378,7 @@ class RangeView(HeadView):
         self.legend = [(COLOURS[n], REASONS[n]) for n in causes]
         # colours are linear in physically based shading
         hues = [to_hex(tuple(rgb(colour) ** 2.2)) for colour in COLOURS]
-        self.aside = [
+        self.extra = [
             RigPart(REASONS[n], "range", Material(hues[n], 0.0, 1.0),
                     Solid(factors * solid.points, solid.faces[solid.causes == n].tolist()))
             for n in causes
@@ -386,7 +386,7 @@ class RangeView(HeadView):
         return super().choose_parts()
 
     def drawn_points(self) -> Floats:
-        return np.concatenate([self.aside[0].solid.points, [[0, 0, -30.0 * self.rig.unit]]])
+        return np.concatenate([self.extra[0].solid.points, [[0, 0, -30.0 * self.rig.unit]]])
 
     def labels(self) -> list[Label]:
         """Return the range of each axis, on the outside of the solid."""
@@ -427,7 +427,7 @@ class TrailView(HeadView):
         ends = self.path[:, 2].argmin(), self.path[:, 2].argmax()
         ghosts = [Ghost(("head",), states[n], 0.13, 0.13) for n in ends]
         self.look = Exposure(haze=0.8, ghosts=ghosts)
-        self.aside = list(self.rig.faces())
+        self.extra = list(self.rig.faces())
         return super().choose_parts()
 
     def drawn_points(self) -> Floats:
