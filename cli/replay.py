@@ -24,6 +24,7 @@ from .options import (
     output_option,
 )
 from .options.places import choose_point, zero_of
+from .parts.run_display import tell
 
 Output = Annotated[
     Path | None,
@@ -103,11 +104,6 @@ def require_poses(playback: live.Playback) -> None:
     if reason := playback.pipeline.tally.pose_complaint():
         tell(f"exit status {FINDING}: {reason}")
         raise typer.Exit(FINDING)
-
-
-def tell(text: str) -> None:
-    """Print to the standard error."""
-    typer.echo(text, err=True)
 
 
 def open_page(playback: live.Playback, web: str | None) -> live.ReplayPage | nullcontext[None]:

@@ -21,6 +21,7 @@ __all__ = ["FINE_UNITS", "STATE_UNITS"]
 #: Types of arrays. A docstring gives the shape; components stand last.
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Rows = NDArray[np.void]
 Booleans = NDArray[np.bool_]
 Complexes = NDArray[np.complex128]
 

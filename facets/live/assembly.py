@@ -41,7 +41,6 @@ from .web.status import status_of
 
 if TYPE_CHECKING:
     from ..core.settings import Config
-    from .streams.outlet import Outlet
 
 OnProgress = Callable[[str], None]
 Show = Callable[[Live], None]
@@ -283,8 +282,7 @@ class Run:
         reading, if there is one; everything before it is recorded and solved.
         """
         assert self.reader is not None
-        show = join_outlet(self.publications.outlet, show) if self.publications else show
-        acquire(self.live, self.reader, self.ending, show, lambda _: self.complaints())
+        acquire(self.live, self.reader, self.ending, show, self.complaints)
 
     def complaints(self) -> list[str]:
         """The faults of a finished run, in sentences; empty for a good run."""
@@ -364,19 +362,3 @@ def require_port(port: str | None, option: str, key: str) -> str:
             "--port virtual:MOTION simulates the board and the stage"
         )
     return port
-
-
-def join_outlet(outlet: Outlet, show: Show) -> Show:
-    """Return a view that also refreshes the outlet, even after the terminal was closed."""
-    is_open = True
-
-    def show_both(live: Live) -> None:
-        nonlocal is_open
-        outlet.refresh()
-        try:
-            if is_open:
-                show(live)
-        except OSError:
-            is_open = False
-
-    return show_both

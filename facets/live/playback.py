@@ -95,8 +95,8 @@ class Playback:
     ) -> tuple[list[str], bool]:
         """Solve all samples, write the poses to `path`, if any, and compare them on request.
 
-        config_name: see `describe`. Returns the sentences for the user,
-        and whether no comparison found a difference.
+        config_name: name of the configuration for solving, unless it is the recording's own.
+        Returns the sentences for the user, and whether no comparison found a difference.
         """
         comparison = PoseComparison(recorded_parts(self.folder))
         if compare:
@@ -104,8 +104,14 @@ class Playback:
         if path:
             self.write(path, poses)
         deque(poses, maxlen=0)  # solve all poses, even if no output uses them
-        compared, is_same = self.describe(comparison, config_name) if compare else ([], True)
-        return [*self.sentences(), *compared], is_same
+        sentences = list(self.sentences())
+        if not compare:
+            return sentences, True
+        version = meta_of(self.folder, sealed=False).get("facets")
+        compared, is_same = comparison_sentences(
+            comparison, seal_of(self.folder), self.damage, self.folder, version, config_name
+        )
+        return [*sentences, *compared], is_same
 
     def sentences(self) -> Iterator[str]:
         """Yield the number of solved samples, and the faults of the recording."""
@@ -171,19 +177,6 @@ class Playback:
                 raise InputError(
                     f"{path}: was not written, because the recording holds no complete sample"
                 )
-
-    def describe(
-        self, comparison: PoseComparison, config_name: str | None
-    ) -> tuple[list[str], bool]:
-        """Return the sentences on a comparison with the recorded poses, bit by bit, and whether
-        everything is equal and complete.
-
-        config_name: of the configuration for solving, unless it is the recording's own.
-        """
-        version = meta_of(self.folder, sealed=False).get("facets")
-        return comparison_sentences(
-            comparison, seal_of(self.folder), self.damage, self.folder, version, config_name
-        )
 
 
 def gather_poses(parts: Iterable[RunPoses]) -> Iterator[RunPoses]:

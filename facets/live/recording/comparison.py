@@ -131,7 +131,7 @@ class PoseComparison:
 
     def count_missing(self) -> None:
         """Count the waiting poses as samples without a recorded pose."""
-        numbers = self.waiting.get("seq", ())
+        numbers = self.waiting.get("seq", np.zeros(0, np.int64))
         if len(numbers):
             first = self.ends[0] if self.unrecorded else int(numbers[0])
             self.ends = first, int(numbers[-1])

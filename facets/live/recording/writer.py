@@ -114,9 +114,7 @@ class Recording(ClosedAtExit, Sink):
         """Write a whole file, and sync it."""
         handle = self.disk.create(self.folder / name)
         try:
-            view = memoryview(data)
-            while view:
-                view = view[self.disk.append(handle, view) :]
+            self.append_all(handle, data)
             self.disk.sync(handle)
         finally:
             self.disk.close(handle)
@@ -140,15 +138,18 @@ class Recording(ClosedAtExit, Sink):
         before = self.sizes[name]
         try:
             for part in parts:
-                view = memoryview(part)
-                while view:
-                    view = view[self.disk.append(self.files[name], view) :]
+                self.append_all(self.files[name], part)
         except OSError as error:
             with suppress(OSError):
                 self.disk.shorten(self.files[name], before)
             return error
         self.sizes[name] = before + sum(map(len, parts))
         return None
+
+    def append_all(self, handle: int, data: bytes) -> None:
+        view = memoryview(data)
+        while view:
+            view = view[self.disk.append(handle, view) :]
 
     def drop_poses(self) -> None:
         """Empty the file of the poses for good."""

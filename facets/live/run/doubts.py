@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from itertools import product
 from math import erf, inf, log
 from typing import TYPE_CHECKING
 
@@ -43,13 +42,10 @@ def frozen_parts() -> list[tuple[str, NDArray[np.intp], NDArray[np.intp]]]:
     detector, then each electrode."""
     every = np.arange(12)
     names = [f"detector {name.upper()}" for name in DETECTORS]
-    own = [every[4 * k : 4 * k + 4] for k in range(3)]
-    parts = [(names[k], own[k], np.setdiff1d(every, own[k])) for k in range(3)]
-    for k, n in product(range(3), range(4)):
-        name = f"electrode {n + 1} of {names[k]}"
-        parts.append((name, own[k][n : n + 1], np.delete(own[k], n)))
+    parts = [(name, every[4 * k : 4 * k + 4]) for k, name in enumerate(names)]
+    parts += [(f"electrode {k % 4 + 1} of {names[k // 4]}", every[k : k + 1]) for k in range(12)]
     what = "does not change while the others do"
-    more = [(f"{name} {what}", part, others) for name, part, others in parts]
+    more = [(f"{name} {what}", part, np.delete(every, part)) for name, part in parts]
     return [("the readings do not change", every, every[:0]), *more]
 
 
@@ -168,16 +164,10 @@ class Doubts:
         """Some samples: readings (n, 9), flags (n,), whose residual is beyond chance (n,), and
         which lack the temperature that the sensor follows (n,)."""
         self.samples += len(flags)
-        if unknown.any():
-            self.counts[COLD] += int(unknown.sum())
-        if beyond.any():
-            self.counts[BEYOND] += int(beyond.sum())
-        if flags.any():
-            self.counts[FULL] += int(np.count_nonzero(flags & SATURATED))
         dark = readings[:, 2::3] < self.floor  # false where a detector is saturated, and reads NaN
-        if dark.any():
-            for name, count in zip(DETECTORS, dark.sum(axis=0).tolist(), strict=True):
-                self.counts[name] += count
+        signs = {COLD: unknown, BEYOND: beyond, FULL: flags & SATURATED}
+        for name, found in (signs | dict(zip(DETECTORS, dark.T, strict=True))).items():
+            self.counts[name] += int(np.count_nonzero(found))
         if self.samples >= LOOKED_AT:
             self.said = self.sentences()
             self.samples = 0
@@ -185,23 +175,19 @@ class Doubts:
 
     def sentences(self) -> list[str]:
         """One for each thing that is not rare."""
-        sentences = []
-        if self.share(BEYOND) > NOTICED:
-            sentences.append(
-                f"{self.percent(BEYOND)} of the newest poses have a residual beyond chance: do not "
-                "trust them"
-            )
-        if self.share(FULL) > NOTICED:
-            sentences.append(
-                f"{self.percent(FULL)} of the newest samples are saturated: there is too much "
-                "light, or sensor.electronics.transimpedance_kohm is too high"
-            )
-        if self.share(COLD) > NOTICED:
-            sentences.append(
-                f"{self.percent(COLD)} of the newest samples have no value of "
-                f"{TEMPERATURE_COLUMN} from {describe_bounds(TEMPERATURE_COLUMN)}, which "
-                "sensor.temperature needs, and therefore no pose"
-            )
+        doubts = {
+            BEYOND: "poses have a residual beyond chance: do not trust them",
+            FULL: "samples are saturated: there is too much light, or "
+            "sensor.electronics.transimpedance_kohm is too high",
+            COLD: f"samples have no value of {TEMPERATURE_COLUMN} from "
+            f"{describe_bounds(TEMPERATURE_COLUMN)}, which sensor.temperature needs, and "
+            "therefore no pose",
+        }
+        sentences = [
+            f"{self.percent(name)} of the newest {what}"
+            for name, what in doubts.items()
+            if self.share(name) > NOTICED
+        ]
         lost = [name for name in DETECTORS if self.share(name) > NOTICED]
         if lost:
             most = max(lost, key=self.share)

@@ -191,7 +191,9 @@ class Loop:
             live.add_event("caught up", late=live.late, skipped=live.pipeline.tally.skipped_count)
 
     def display(self) -> None:
-        """Show the run; a terminal that was closed ends the view, not the recording."""
+        """Refresh the sinks and show the run; a closed terminal ends only the view."""
+        for sink in self.live.sinks:
+            sink.refresh()
         try:
             self.show(self.live)
         except OSError:
@@ -241,7 +243,7 @@ def acquire(
     reader: Reader,
     ending: Ending,
     show: Callable[[Live], None] = lambda _: None,
-    complaints: Callable[[Live], list[str]] = lambda _: [],
+    complaints: Callable[[], list[str]] = list,
 ) -> None:
     """Solve what the reader brings until the stream, the time or the samples end, or ^C.
 
@@ -267,7 +269,7 @@ def acquire(
             try:
                 loop.finish()
             finally:
-                ended = end_of(error or reader.error, signals, lambda: complaints(live))
+                ended = end_of(error or reader.error, signals, complaints)
                 loop.report_end(*ended)
 
         closing.push(finish)

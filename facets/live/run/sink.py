@@ -26,6 +26,10 @@ class Sink(Protocol):
         """Take note of something that happened; details: `monotonic` and `utc`, when it did, s."""
         return
 
+    def refresh(self) -> None:
+        """Do what is due; called often, also while no samples come."""
+        return
+
     def messages(self) -> list[str]:
         """Return what a person should know now, in sentences."""
         return []

@@ -274,24 +274,19 @@ def stream_counts(pipeline: Pipeline) -> list[Item]:
     tally, sequence, parser = pipeline.tally, pipeline.sequence, pipeline.parser
     total = tally.samples + sequence.lost
     share = f" ({100 * sequence.lost / total:.3g} %)" if sequence.lost else ""
-    items = [
+    faults = {
+        "frames refused": parser.corrupt,
+        "bytes passed over": parser.skipped,
+        "without a pose": tally.unsolved_count - tally.skipped_count,
+    }
+    rare = {**tally.flags, "came twice": sequence.doubled, "restarts": sequence.restarts}
+    return [
         item("samples", tally.samples),
         item("lost", f"{sequence.lost}{share}", bad=sequence.lost > 0),
-        item("frames refused", parser.corrupt, bad=parser.corrupt > 0),
-        item("bytes passed over", parser.skipped, bad=parser.skipped > 0),
-        item(
-            "without a pose",
-            tally.unsolved_count - tally.skipped_count,
-            bad=tally.unsolved_count > tally.skipped_count,
-        ),
+        *(item(name, count, bad=count > 0) for name, count in faults.items()),
         item("beyond chance", tally.misfit.flagged, bad=tally.misfit.is_mostly_flagged),
+        *(item(name, count, bad=True) for name, count in rare.items() if count),
     ]
-    items += [item(name, count, bad=True) for name, count in tally.flags.items() if count]
-    if sequence.doubled:
-        items.append(item("came twice", sequence.doubled, bad=True))
-    if sequence.restarts:
-        items.append(item("restarts", sequence.restarts, bad=True))
-    return items
 
 
 def run_counts(live: Live) -> list[Item]:

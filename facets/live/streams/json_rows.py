@@ -6,13 +6,11 @@ import re
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
+from ...core.units import Rows
 from ...estimation.solution import UNCERTAINTY_PARTS
 from .sample_rows import HEAD as HEAD_COLUMNS
-
-Rows = NDArray[np.void]
 
 #: The group of a text that has a column.
 GROUPS = {

@@ -30,9 +30,10 @@ from ophyd_async.core import AsyncConfigurable, AsyncReadable, AsyncStatus, Devi
 
 from ...core.errors import FacetsError, InputError
 from ...core.names import STATE_COLUMNS
+from ...core.units import Rows
 from ...core.version import __version__
 from ...estimation.solution import LABELS
-from .row_stream import Rows, RowStream, is_published, kept_dtype
+from .row_stream import RowStream, is_published, kept_dtype
 from .sample_rows import SAMPLE, row_content, unit_of
 
 if TYPE_CHECKING:

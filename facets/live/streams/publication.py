@@ -94,6 +94,9 @@ class Publications(ClosedAtExit, Sink):
         """Publish poses at all addresses."""
         self.outlet.send(rows_of(poses, self.offset))
 
+    def refresh(self) -> None:
+        self.outlet.refresh()
+
     def close(self) -> None:
         self.outlet.close()
 

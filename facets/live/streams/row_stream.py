@@ -8,17 +8,15 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.errors import FacetsError
+from ...core.units import Rows
 from ..run.poses import poses
 from .sample_rows import SAMPLE, row_content, rows_of, sample_dtype
 from .subscription import Subscription
 
 if TYPE_CHECKING:
     from ...core.settings import Config
-
-Rows = NDArray[np.void]
 
 #: Maximum number of samples kept for a reader that does not take them: 480 MB, three minutes at
 #: 10 kHz.

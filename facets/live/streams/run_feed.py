@@ -10,7 +10,8 @@ from typing import Any
 
 import zmq
 
-from .subscription import Rows, Subscription
+from ...core.units import Rows
+from .subscription import Subscription
 from .zeromq import (
     END,
     FROM,

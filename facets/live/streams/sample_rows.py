@@ -7,9 +7,9 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
+from ...core.units import Rows
 from ...estimation.measurement import Measurement
 from ...estimation.solution import UNCERTAINTY_PARTS
 from ...files.tables import unit_of_column
@@ -87,7 +87,7 @@ def unit_of(name: str, channels: Iterable[dict[str, Any]] = ()) -> str:
     return "sigma" if name == "residual" else unit_of_column(name)
 
 
-def rows_of(poses: RunPoses, utc_offset: float) -> NDArray[np.void]:
+def rows_of(poses: RunPoses, utc_offset: float) -> Rows:
     """Rows of SAMPLE, or of CALIBRATED_SAMPLE where the poses' uncertainties have parts, with the
     object's poses and the auxiliary channels.
 

@@ -15,10 +15,11 @@ import numpy as np
 
 from ...core.errors import FacetsError, InputError
 from ...core.extras import require_extra
+from ...core.units import Rows
 from .json_rows import json_of
 from .run_feed import RunFeed
 from .sample_rows import HEAD as HEAD_COLUMNS, unit_of
-from .subscription import POLL_MS, Rows
+from .subscription import POLL_MS
 
 
 class Udp:

@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 import zmq
-from numpy.typing import NDArray
 
 from ...core.closing import ClosedAtExit
 from ...core.errors import InputError
+from ...core.units import Rows
 from .addresses import zmq_endpoint
 from .zeromq import ABOUT, HIGH_WATER_MARK, LOST, SAMPLES
-
-Rows = NDArray[np.void]
 
 #: The end of a publication, or of the iteration, is looked for this often, ms.
 POLL_MS = 100

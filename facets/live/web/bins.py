@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
-from ...core.units import Floats
+from ...core.units import Floats, Integers, Rows
 
 #: Columns of a bin as pages get them: samples, those with a pose, the largest residual, the mean
 #: readings, and for each component of the state its least, its largest, its mean and the largest
@@ -23,9 +23,6 @@ REDUCTIONS = ((np.add, 0.0), (np.fmin, np.nan), (np.fmax, np.nan))
 
 _U_COLUMNS = tuple(f"u_{name}" for name in STATE_COLUMNS)
 _READINGS, _STATES = len(READING_COLUMNS), len(STATE_COLUMNS)
-
-Rows = NDArray[np.void]
-Numbers = NDArray[np.int64]
 
 
 def bin_columns(channels: tuple[str, ...]) -> tuple[str, ...]:
@@ -69,7 +66,7 @@ class Bins:
 
     def __init__(self, width: float, count: int, channels: tuple[str, ...]) -> None:
         self.width, self.count, self.channels = width, count, channels
-        self.numbers: Numbers = np.full(count, -1, np.int64)
+        self.numbers: Integers = np.full(count, -1, np.int64)
         drawn = _STATES + len(channels)
         columns = (2 + 2 * (_READINGS + drawn), drawn, drawn + _STATES + 1)
         self.tables = [
@@ -109,7 +106,7 @@ class Bins:
         """Return the numbers of all bins that are kept, in ascending order."""
         return sorted(self.numbers[self.numbers >= 0].tolist())
 
-    def values(self, numbers: Numbers) -> tuple[Numbers, NDArray[np.float32]]:
+    def values(self, numbers: Integers) -> tuple[Integers, NDArray[np.float32]]:
         """Return which of the bins with these numbers are kept, and their `bin_columns`; unknown
         values are NaN."""
         places = numbers % self.count

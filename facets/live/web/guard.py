@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hmac
-import ipaddress
 import socket
+from ipaddress import IPv4Address, IPv6Address, ip_address
 from urllib.parse import urlsplit
 
 from ...core.errors import InputError
@@ -33,10 +33,16 @@ def parse_address(text: str) -> tuple[str, int]:
 
 def is_local(host: str) -> bool:
     """Whether only programs on this machine reach an address."""
+    number = ip_number(host)
+    return host.lower() == "localhost" if number is None else number.is_loopback
+
+
+def ip_number(host: str) -> IPv4Address | IPv6Address | None:
+    """Return the IP address that a host is given by; None for a name."""
     try:
-        return ipaddress.ip_address(host).is_loopback
+        return ip_address(host)
     except ValueError:
-        return host.lower() == "localhost"
+        return None
 
 
 def place(host: str, port: int) -> str:
@@ -81,13 +87,6 @@ class Guard:
             host, port = parts.hostname or "", parts.port or 80
         except ValueError:
             return False
-        return port == self.port and (host in self.names or (self.any_number and is_number(host)))
-
-
-def is_number(host: str) -> bool:
-    """Whether it is an IP address: no other site can make one lead here."""
-    try:
-        ipaddress.ip_address(host)
-    except ValueError:
-        return False
-    return True
+        # no other site can make an IP address lead here
+        is_allowed_number = self.any_number and ip_number(host) is not None
+        return port == self.port and (host in self.names or is_allowed_number)

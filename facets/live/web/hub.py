@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
+from ...core.units import Rows
 from ...estimation.solution import UNCERTAINTY_PARTS
-from .bins import AllBins, Bins, Rows, bin_columns
+from .bins import AllBins, Bins, bin_columns
 
 #: Width of the bins of the last two minutes, s.
 NEAR_WIDTH_S = 0.01
@@ -96,8 +97,7 @@ class Hub:
             level.add(times[known], rows[known])
         if self.all.age != age:
             for page in self.pages:
-                page.told[1].clear()
-                page.void[1] = True
+                page.told[1] = None
         best = int(rows["seq"].argmax())
         if int(rows["seq"][best]) >= self.last:
             self.last = int(rows["seq"][best])
@@ -175,7 +175,8 @@ class Hub:
         changed = [level.take_changes() for level in self.levels]
         for page in self.pages:
             for told, new in zip(page.told, changed, strict=True):
-                told |= new
+                if told is not None:
+                    told |= new
             page.wake.set()
 
     # what goes
@@ -188,13 +189,14 @@ class Hub:
         told["levels"] = [{"width": level.width, "count": level.count} for level in self.levels]
         return json_text(told)
 
-    def bins(self, level: int, numbers: set[int], void: bool) -> bytes | None:
-        """The bins of these numbers as bytes, None where there is nothing to say."""
-        bins = self.levels[level]
-        held, values = bins.values(np.array(sorted(numbers), np.int64))
-        if not len(held) and not void:
+    def bins(self, level: int, numbers: set[int] | None) -> bytes | None:
+        """Return the bins of these numbers as bytes, or all bins; None if none of these is kept."""
+        bins, is_all = self.levels[level], numbers is None
+        chosen = bins.present_numbers() if numbers is None else sorted(numbers)
+        held, values = bins.values(np.array(chosen, np.int64))
+        if not len(held) and not is_all:
             return None
-        head = HEAD.pack(level, int(void), bins.width, len(held), 0)
+        head = HEAD.pack(level, int(is_all), bins.width, len(held), 0)
         return head + held.astype("<i4").tobytes() + values.astype("<f4").tobytes()
 
     def news(self, since: int) -> str:
@@ -215,17 +217,16 @@ def kinds_of(texts: Iterable[str]) -> dict[str, str]:
 
 
 class Page:
-    """One page that is open: what it was not told yet.
+    """An open page, and the news that it has not received yet.
 
-    told: by level, numbers of bins that are new to it.  void: by level, whether what it has is.
+    told: for each level the numbers of the bins that changed; None if the page needs all bins.
     """
 
     def __init__(self, hub: Hub) -> None:
         self.hub = hub
         self.wake = asyncio.Event()
         self.greeted = False
-        self.told: list[set[int]] = [set() for _ in hub.levels]
-        self.void = [True for _ in hub.levels]
+        self.told: list[set[int] | None] = [None for _ in hub.levels]
         self.happened = 0
         self.finished = False
 
@@ -234,15 +235,12 @@ class Page:
         hub, messages = self.hub, list[str | bytes]()
         if not self.greeted:
             self.greeted, self.happened = True, 0
-            self.void = [True for _ in hub.levels]
+            self.told = [None for _ in hub.levels]
             messages.append(hub.hello())
         for level, told in enumerate(self.told):
-            if self.void[level]:
-                told = set(hub.levels[level].present_numbers())
-            data = hub.bins(level, told, self.void[level]) if told or self.void[level] else None
-            if data is not None:
+            if (data := hub.bins(level, told)) is not None:
                 messages.append(data)
-            self.told[level], self.void[level] = set(), False
+            self.told[level] = set()
         messages.append(hub.news(self.happened))
         self.happened = hub.happened
         if hub.ended and not self.finished:

@@ -68,15 +68,26 @@ class Server:
     def app(self) -> web.Application:
         from aiohttp import web
 
-        app = web.Application()
+        @web.middleware
+        async def admit(request: web.Request, handler: Any) -> web.StreamResponse:
+            reason = self.guard.complaint(
+                request.match_info.get("token", ""),
+                request.headers.get("Host", ""),
+                request.headers.get("Origin"),
+            )
+            if reason:
+                raise web.HTTPForbidden(text=f"403: {reason}\n")
+            response: web.StreamResponse = await handler(request)
+            return response
+
+        app = web.Application(middlewares=[admit])
         app.router.add_get("/{token}", self.redirect)
         app.router.add_get("/{token}/stream", self.stream)
         app.router.add_get("/{token}/{path:.*}", self.file)
-        app.router.add_route("*", "/{rest:.*}", self.refuse)
         return app
 
     def headers(self, request: web.Request) -> dict[str, str]:
-        """Nothing is loaded from elsewhere, kept, shown in a frame, or told to other sites."""
+        """Security headers: no external resources, no caching, no framing, no referrer."""
         policy = (
             "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
             f"img-src 'self' data: blob:; connect-src 'self' ws://{request.host}; "
@@ -91,25 +102,7 @@ class Server:
             "Cross-Origin-Opener-Policy": "same-origin",
         }
 
-    def check(self, request: web.Request) -> None:
-        from aiohttp import web
-
-        reason = self.guard.complaint(
-            request.match_info.get("token", ""),
-            request.headers.get("Host", ""),
-            request.headers.get("Origin"),
-        )
-        if reason:
-            raise web.HTTPForbidden(text=f"403: {reason}\n")
-
-    async def refuse(self, request: web.Request) -> web.StreamResponse:
-        self.check(request)
-        from aiohttp import web
-
-        raise web.HTTPForbidden(text="403: this address is not served")
-
     async def redirect(self, request: web.Request) -> web.StreamResponse:
-        self.check(request)
         from aiohttp import web
 
         raise web.HTTPFound(f"/{self.guard.token}/")
@@ -117,7 +110,6 @@ class Server:
     async def file(self, request: web.Request) -> web.StreamResponse:
         from aiohttp import web
 
-        self.check(request)
         name = request.match_info["path"] or "index.html"
         if name not in self.files and name not in self.drawn:
             raise web.HTTPNotFound(text="404: the page has no such part\n")
@@ -133,7 +125,6 @@ class Server:
         """Tells one page what is new, as fast as it takes it."""
         from aiohttp import web
 
-        self.check(request)
         line = web.WebSocketResponse(compress=False, heartbeat=STUCK_TIMEOUT_S, max_msg_size=4096)
         await line.prepare(request)
         page = Page(self.hub)
