@@ -33,8 +33,8 @@ class PlainParameters:
 
     def format_help_text(self, ctx: Any, formatter: Any) -> None:
         """Write the help text; indented paragraphs, which are examples, keep their lines."""
-        if self.help:
-            self.help: str = re.sub(r"\n\n(?=    )", "\n\n\b\n", self.help)
+        text = ctx.command.help
+        ctx.command.help = re.sub(r"\n\n(?=    )", "\n\n\b\n", text)
         super().format_help_text(ctx, formatter)  # type: ignore[misc]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
@@ -70,7 +70,8 @@ class Group(PlainParameters, TyperGroup):
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the commands by subject, then the options."""
         sections: dict[str, list[Any]] = {}
-        for name, command in self.commands.items():
+        commands: Any = self.commands
+        for name, command in commands.items():
             rows = sections.setdefault(command.rich_help_panel or "Commands", [])
             rows.append((name, command.get_short_help_str(100)))
         write_sections(formatter, sections)

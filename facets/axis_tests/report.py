@@ -18,6 +18,7 @@ from ..core import (
     check_arguments,
     write_micro,
 )
+from ..core.notebook import show_shortly
 from ..estimation import finite_means, make_plan
 from ..files import FrameTable, make_frame
 from .disturbances import Disturbances, find_disturbances
@@ -48,6 +49,7 @@ LARGE_EXCESS = 2.0
 LARGE_SHARE = 1 / 3
 
 
+@show_shortly
 @dataclass(frozen=True)
 class AxisReport:
     """A test of an axis.

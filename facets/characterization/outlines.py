@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.names import ANGLES, POSE
+from ..core.notebook import show_shortly
 from ..core.rigid_body import MeasuredObject
 from ..core.rules import Rules
 from ..core.sensor import Sensor
@@ -40,6 +41,7 @@ TOLERANCE_MM = 1e-4
 TOLERANCE_RAD = 1e-7
 
 
+@show_shortly
 @dataclass(frozen=True)
 class Boundary:
     """The traced outline of the range over two axes: points (n, 2), mm or rad, in order, from

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.names import FINE_UNITS, POSE
+from ..core.notebook import show_shortly
 from ..core.rigid_body import MeasuredObject, displacement_slopes, mirror_poses
 from ..core.rules import Rules
 from ..core.sensor import Sensor
@@ -313,6 +314,7 @@ def doubtful_places(rows: Floats, tolerance: float) -> tuple[Floats, Integers]:
     return (near[:, PLACE] + away)[some], near[some, RAY].astype(int)
 
 
+@show_shortly
 @dataclass(frozen=True)
 class AxisRange:
     """The range of one axis with the others fixed: its ends, mm or rad, and their causes."""

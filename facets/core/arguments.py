@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from .errors import InputError
 from .names import LABELS
+from .notebook import show_shortly
 from .units import Floats, describe_bounds, find_implausible
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -169,11 +170,11 @@ def check_arguments(function: F) -> F:
 
     The message says which argument, what it is, what is allowed, and where to get it. The function
     itself checks how large a number may be. A class has its arguments checked when an object is
-    made.
+    made; that of a dataclass gets a short `repr`.
     """
     if isinstance(function, type):
         function.__init__ = check_arguments(function.__init__)  # type: ignore[misc]
-        return function
+        return show_shortly(function) if is_dataclass(function) else function
     check = ArgumentCheck(function)
     allowed_together = check.allowed_together
 

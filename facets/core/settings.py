@@ -15,6 +15,8 @@ from .keys import Key, block_of, block_of_keys, item_of, key
 from .knowledge import BeamKnowledge, Knowledge, PowerKnowledge, Prior, Question
 from .layout import Layout
 from .motions import Motion
+from .notebook import show_shortly
+from .plain_numbers import count_text
 from .rigid_body import MIRROR, MeasuredObject
 from .rules import Rules
 from .sensor import Electronics, Sensor
@@ -385,6 +387,7 @@ def resolved_text(resolved: dict[str, Any]) -> str:
     return json.dumps(resolved, separators=(",", ":"), allow_nan=False)
 
 
+@show_shortly
 @dataclass(frozen=True)
 class Config:
     """A checked configuration.
@@ -420,3 +423,8 @@ class Config:
         block=block_of(MeasuredObject),
         convert=drop_mirror,
     )
+
+    @property
+    def summary(self) -> str:
+        """The name, the number of motions, and what differs from the paper's sensor."""
+        return f"{self.name}, {count_text(len(self.motions), 'motion')}, {self.sensor!r}"

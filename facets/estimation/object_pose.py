@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.arguments import as_floats, check_arguments, index_of, require_plausible
 from ..core.errors import InputError
 from ..core.names import STATE_UNITS, TEMPERATURE_COLUMN, covariance_entries, state_columns
+from ..core.notebook import show_shortly
 from ..core.rigid_body import MIRROR, MeasuredObject, object_displacements, object_poses
 from ..core.units import Booleans, Floats
 from ..files.columns import pack_covariances
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
+@show_shortly
 @dataclass(frozen=True)
 class ObjectPose(UncertainResult):
     """Poses of an object, or its displacements from a zero; from `facets.transform`.

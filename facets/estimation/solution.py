@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import IntEnum
 from threading import RLock
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.arguments import check_arguments, index_of
 from ..core.errors import InputError
 from ..core.names import DETECTORS, STATE_COLUMNS, STATE_UNITS, covariance_entries, state_columns
+from ..core.notebook import show_shortly
+from ..core.plain_numbers import count_text
 from ..core.units import Booleans, Floats, Integers
 from ..files.frame_table import make_frame
 from . import problem
@@ -238,6 +240,7 @@ def frame_like(source: Any, sizes: Floats) -> Any:
     return make_frame(state_columns(sizes, "u_"), index=index)
 
 
+@show_shortly
 @dataclass(frozen=True)
 class Solution(UncertainResult):
     """Estimated states, one for each reading; (...) is the leading shape of the readings.
@@ -329,6 +332,18 @@ class Solution(UncertainResult):
         of the spots.
         """
         return self.converged & ~self.misfit
+
+    @property
+    def summary(self) -> str:
+        """The numbers of poses, of those that are `ok`, and the residual (root mean square) over
+        that of the stated noise."""
+        checks, ok = np.asarray(self.checks, float)[self.converged], np.count_nonzero(self.ok)
+        squares = np.square(self.residual[self.converged])
+        ratio = np.sqrt(squares.sum() / checks.sum()) if checks.any() else np.nan
+        return (
+            f"{count_text(np.size(self.status), 'pose')}, {ok:,} ok, residual {ratio:.2f} of 1.00 "
+            "expected"
+        )
 
     def columns(self) -> dict[str, Any]:
         """The solution as columns of numbers: state, status, the bits of the detectors used,
@@ -495,9 +510,6 @@ class LazySolution(Solution):
                 return super().variance
             return self.entries[..., :8] if self.entries.shape[-1] else None
 
-    def __repr__(self) -> str:
-        return repr(Solution(*(getattr(self, item.name) for item in fields(Solution))))
-
 
 #: The status of a row that is not numbers.
 UNPARSABLE = "unparsable"
@@ -556,6 +568,7 @@ class SampleEstimate(NamedTuple):
     exact: Floats
 
 
+@show_shortly
 @dataclass(frozen=True)
 class Poses:
     """The poses of some samples.

@@ -13,6 +13,7 @@ from ..core.arguments import check_arguments, require_plausible
 from ..core.errors import InputError
 from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS, TEMPERATURE_COLUMN
+from ..core.notebook import show_shortly
 from ..core.plain_numbers import short_number
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats, Integers
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 MOVED, BY_CHANCE = 1.5, 3.0
 
 
+@show_shortly
 @dataclass(frozen=True)
 class ZeroPose:
     """A measured reference pose of the mirror; from `facets.zero_pose`.

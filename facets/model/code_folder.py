@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
-import sys
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -51,7 +51,7 @@ _told = False
 
 
 def tell(passing: object) -> None:
-    """Print on the standard error, once per process, that code is compiled.
+    """Log, once per process, that code is compiled; without a handler on the standard error.
 
     passing: from `code_folder`. A worker of `multiprocessing` leaves the message to its parent.
     """
@@ -61,4 +61,5 @@ def tell(passing: object) -> None:
             return
         _told = True
     when = "only the first time" if passing is None else "each time: no cache can be written"
-    print(f"facets: compiling for this processor (some seconds, {when}) ...", file=sys.stderr)
+    text = f"facets: compiling for this processor (some seconds, {when}) ..."
+    logging.getLogger("facets").warning(text)

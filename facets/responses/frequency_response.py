@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..core import POSE, Booleans, Complexes, Floats, InputError, Integers
+from ..core.notebook import show_shortly
 from ..estimation import coverage_factor
 from ..files import make_frame
 from .forms import RECEPTANCE, ResponseForm
@@ -99,6 +100,7 @@ class OutputChannel(NamedTuple):
 PERFECT_CHANNEL = OutputChannel()
 
 
+@show_shortly
 @dataclass(frozen=True)
 class FrequencyResponse:
     """Responses of d outputs to one input at m frequencies.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, state_columns
+from ..core.notebook import show_shortly
 from ..core.rigid_body import MIRROR, MeasuredObject
 from ..core.sensor import Drift, Sensor
 from ..core.settings import Config, Solve
@@ -32,6 +33,7 @@ from .motion import find_motion, shaker_force, states
 from .reference import reference_columns, reference_poses
 
 
+@show_shortly
 @dataclass(frozen=True)
 class Segment:
     """One simulated motion.

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ...core.arguments import check_arguments
 from ...core.layout import Layout
+from ...core.notebook import show_shortly
 from ...core.sensor import Sensor
 from ...core.units import Floats
 from ..variables import present_values
@@ -42,6 +43,7 @@ INFEASIBLE = "infeasible problem detected"
 NEAREST, ROUNDS = 1, 40
 
 
+@show_shortly
 @dataclass(frozen=True)
 class Optimum:
     """The results of all starts, the best first.

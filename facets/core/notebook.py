@@ -1,0 +1,125 @@
+"""What a notebook and a terminal show of an object: one line, and in a notebook a table below it.
+
+Both follow from the fields of a class and from the keys that are declared on them (`core.keys`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import MISSING, fields, is_dataclass
+from math import cos, sin
+from typing import Any, TypeVar
+
+from .hues import LIGHT
+from .names import DETECTORS
+from .units import KEY_UNITS
+
+Kind = TypeVar("Kind", bound=type[Any])
+#: Number of items up to which a sequence is shown in full, and of characters of a line.
+MAX_ITEMS, MAX_CHARACTERS = 9, 160
+#: Number of rows of a table of results in a notebook.
+SHOWN_ROWS = 5
+
+
+def show_shortly(kind: Kind) -> Kind:
+    """Give a class a short `repr`, and a table of its contents for notebooks."""
+    kind.__repr__ = describe  # type: ignore[assignment]
+    kind._repr_html_ = describe_as_html
+    return kind
+
+
+def describe(thing: Any) -> str:
+    """Describe an object in one line: its summary if it has one, else the fields that differ from
+    their defaults."""
+    name = next(kind.__name__ for kind in type(thing).__mro__ if "__repr__" in vars(kind))
+    summary = getattr(thing, "summary", None)
+    if isinstance(summary, str):
+        return f"{name}: {summary}"
+    parts = [f"{field}={write_value(value)}" for field, value in changed_fields(thing)]
+    line = f"{name}({', '.join(parts)})"
+    return line if len(line) <= MAX_CHARACTERS else f"{line[: MAX_CHARACTERS - 4]} ...)"
+
+
+def changed_fields(thing: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the names and values of the fields that differ from their defaults."""
+    for field in fields(thing):
+        value = getattr(thing, field.name)
+        default = field.default if field.default_factory is MISSING else field.default_factory()
+        if type(value) is not type(default) or hasattr(value, "shape") or value != default:
+            yield field.name, value
+
+
+def write_value(value: Any) -> str:
+    """Write a value in a few words; arrays and long sequences by their size."""
+    if hasattr(value, "shape") and value.shape:
+        return f"array{value.shape}".replace(",)", ")")
+    if isinstance(value, dict):
+        return ", ".join(map(str, value))
+    if isinstance(value, tuple | list) and len(value) > MAX_ITEMS:
+        return f"{len(value)} values"
+    if isinstance(value, tuple | list):
+        return f"({', '.join(map(write_value, value))})"
+    return f"{value:.6g}" if isinstance(value, float) else repr(value)
+
+
+def describe_as_html(thing: Any) -> str:
+    """Describe an object in HTML: its line, the first rows of its table or the keys that differ
+    from their defaults, and a plan of a sensor's head."""
+    from html import escape
+
+    parts = [f"<p>{escape(describe(thing))}</p>"]
+    if hasattr(thing, "to_frame"):
+        parts.append(thing.to_frame().head(SHOWN_ROWS).to_html())
+    elif rows := list(changed_keys(thing)):
+        cells = "".join(
+            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
+        )
+        heads = "<th>key</th><th>value</th><th>unit</th><th>meaning</th>"
+        parts.append(f"<table><tr>{heads}</tr>{cells}</table>")
+    if hasattr(thing, "psds"):
+        parts.append(draw_plan(thing))
+    return "".join(parts)
+
+
+def changed_keys(thing: Any, prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
+    """Yield key, value, unit and meaning of the fields that differ from their defaults, those of
+    parts of the object among them."""
+    sources = {field.name: field.metadata.get("source") for field in fields(thing)}
+    for name, value in changed_fields(thing):
+        parts = dict(zip(DETECTORS, value, strict=False)) if isinstance(value, tuple) else {}
+        if is_dataclass(value):
+            yield from changed_keys(value, f"{prefix}{name}.")
+        elif parts and all(map(is_dataclass, parts.values())):
+            for letter, part in parts.items():
+                yield from changed_keys(part, f"{prefix}{name}.{letter}.")
+        elif (source := sources[name]) is None or source.keys[0].block is not None:
+            yield f"{prefix}{name}", write_value(value), "", ""
+        else:
+            keys = source.keys if source.write else source.keys[:1]
+            numbers = source.write(value) if source.write else [keys[0].write(value)]
+            for key, number in zip(keys, numbers, strict=True):
+                unit = KEY_UNITS[key.unit].label if key.unit else ""
+                place = "" if source.index is None else f"[{source.index}]"
+                yield f"{prefix}{key.name}{place}", write_value(number), unit, key.meaning
+
+
+def draw_plan(sensor: Any) -> str:
+    """Draw the head of a sensor from above, as SVG: the mirror's apex, detectors and sub-beams."""
+    size = 1.15 * max(psd.radius + psd.size_y for psd in sensor.psds)
+    shapes = [f'<circle r="{size / 60:.4g}" fill="{LIGHT.ink}"/>']
+    for letter, psd in zip(DETECTORS, sensor.psds, strict=True):
+        x, y = psd.radius * cos(psd.azimuth), -psd.radius * sin(psd.azimuth)
+        across = psd.size_y / 2 * sin(psd.azimuth), psd.size_y / 2 * cos(psd.azimuth)
+        shapes.append(
+            f'<g stroke="{LIGHT.detectors[letter]}" stroke-width="{size / 100:.4g}">'
+            f'<path d="M0 0L{x:.4g} {y:.4g}" stroke-dasharray="{size / 30:.4g}"/>'
+            f'<path d="M{x - across[0]:.4g} {y - across[1]:.4g}l{2 * across[0]:.4g} '
+            f'{2 * across[1]:.4g}" stroke-width="{size / 25:.4g}"/></g>'
+            f'<text x="{1.1 * x:.4g}" y="{1.1 * y:.4g}" font-size="{size / 10:.4g}" '
+            f'fill="{LIGHT.ink}">{letter.upper()}</text>'
+        )
+    box = f"{-size:.4g} {-size:.4g} {2 * size:.4g} {2 * size:.4g}"
+    return (
+        f'<svg width="200" height="200" viewBox="{box}" role="img">'
+        f"<title>The head from above</title>{''.join(shapes)}</svg>"
+    )
