@@ -8,9 +8,14 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
 from flint import arb
+from numpy.typing import NDArray
 
 from .certificate_schema import refuse_unless
+
+#: Arrays of intervals or of dual numbers: NumPy only calls the operators of their elements.
+Array = NDArray[Any]
 
 #: Largest offset of the apex that is tried, in sigmas, and the number of steps that reduce it.
 FARTHEST, STEPS = 8, 32
@@ -22,38 +27,36 @@ def span(low: Any, high: Any) -> Any:
 
 
 class IntervalDual:
-    """Interval value with its derivatives by tx, ty, tz, roll, pitch and yaw.
+    """Interval value with its derivatives (6,) by tx, ty, tz, roll, pitch and yaw.
 
     The value may itself be a dual number, as its derivatives then are. Comparisons use the value.
     """
 
-    def __init__(self, value: Any, slope: list[Any] | None = None) -> None:
-        self.value, self.slope = value, [arb(0)] * 6 if slope is None else slope
+    def __init__(self, value: Any, slope: Array | None = None) -> None:
+        self.value, self.slope = value, np.full(6, arb(0)) if slope is None else slope
 
     def __add__(self, other: Any) -> IntervalDual:
         b = other if isinstance(other, IntervalDual) else IntervalDual(other)
-        return IntervalDual(
-            self.value + b.value, [x + y for x, y in zip(self.slope, b.slope, strict=True)]
-        )
+        return IntervalDual(self.value + b.value, self.slope + b.slope)
 
     def __mul__(self, other: Any) -> IntervalDual:
         b = other if isinstance(other, IntervalDual) else IntervalDual(other)
-        both = zip(self.slope, b.slope, strict=True)
-        return IntervalDual(self.value * b.value, [x * b.value + self.value * y for x, y in both])
+        return IntervalDual(self.value * b.value, self.slope * b.value + b.slope * self.value)
 
     def __truediv__(self, other: IntervalDual) -> IntervalDual:
         ratio = self.value / other.value
-        both = zip(self.slope, other.slope, strict=True)
-        return IntervalDual(ratio, [(x - ratio * y) / other.value for x, y in both])
+        return IntervalDual(ratio, (self.slope - other.slope * ratio) / other.value)
 
     __radd__, __rmul__ = __add__, __mul__
 
     def __neg__(self) -> IntervalDual:
         return self * arb(-1)
 
+    def __sub__(self, other: Any) -> IntervalDual:
+        return self + other * arb(-1)
+
     def __rsub__(self, other: Any) -> IntervalDual:
-        difference: IntervalDual = -self + other
-        return difference
+        return -self + other
 
     def __rtruediv__(self, other: Any) -> IntervalDual:
         return IntervalDual(other) / self
@@ -65,32 +68,21 @@ class IntervalDual:
         return bool(self.value > other)
 
     def sin(self) -> IntervalDual:
-        return IntervalDual(self.value.sin(), [self.value.cos() * d for d in self.slope])
+        return IntervalDual(self.value.sin(), self.slope * self.value.cos())
 
     def cos(self) -> IntervalDual:
-        return IntervalDual(self.value.cos(), [-self.value.sin() * d for d in self.slope])
-
-    def __sub__(self, other: Any) -> IntervalDual:
-        difference: IntervalDual = self + other * arb(-1)
-        return difference
+        return IntervalDual(self.value.cos(), self.slope * -self.value.sin())
 
 
-def inner_product(a: Any, b: Any) -> Any:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def matrix_product(a: Any, b: Any) -> Any:
-    return [[inner_product(row, [b[0][j], b[1][j], b[2][j]]) for j in range(3)] for row in a]
-
-
-def rotation(roll: Any, pitch: Any, yaw: Any) -> Any:
-    """Rz(yaw) Ry(pitch) Rx(roll), as three rows."""
-    none = roll * arb(0)
-    one = none + arb(1)
-    x = [[one, none, none], [none, roll.cos(), -roll.sin()], [none, roll.sin(), roll.cos()]]
-    y = [[pitch.cos(), none, pitch.sin()], [none, one, none], [-pitch.sin(), none, pitch.cos()]]
-    z = [[yaw.cos(), -yaw.sin(), none], [yaw.sin(), yaw.cos(), none], [none, none, one]]
-    return matrix_product(z, matrix_product(y, x))
+def rotation(roll: Any, pitch: Any, yaw: Any) -> Array:
+    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3)."""
+    zero = roll * arb(0)
+    one = zero + arb(1)
+    x = [[one, zero, zero], [zero, roll.cos(), -roll.sin()], [zero, roll.sin(), roll.cos()]]
+    y = [[pitch.cos(), zero, pitch.sin()], [zero, one, zero], [-pitch.sin(), zero, pitch.cos()]]
+    z = [[yaw.cos(), -yaw.sin(), zero], [yaw.sin(), yaw.cos(), zero], [zero, zero, one]]
+    product: Array = np.array(z) @ np.array(y) @ np.array(x)
+    return product
 
 
 def values_within(value: float, off: float) -> Any:
@@ -104,88 +96,73 @@ class IntervalSensor:
     def __init__(self, parameters: list[float], tolerances: list[float]) -> None:
         p = [values_within(*pair) for pair in zip(parameters, tolerances, strict=True)]
         self.power = p[0]
-        tilt = rotation(p[4], p[5], arb(0))
-        x, y, back = ([row[i] for row in tilt] for i in range(3))
+        x, y, back = rotation(p[4], p[5], arb(0)).T
         c, s = p[3].cos(), p[3].sin()
-        self.down = [-value for value in back]
-        self.across = [[c * a + s * b for a, b in zip(x, y, strict=True)],
-                       [c * b - s * a for a, b in zip(x, y, strict=True)]]  # fmt: skip
-        self.sigma = [p[1] / 4, p[2] / 4]
-        self.normals = [
+        self.down = -back
+        self.across = np.array([c * x + s * y, c * y - s * x])
+        self.sigma = np.array(p[1:3]) / 4
+        self.normals = np.array([
             [p[i].sin() * p[i + 1].cos(), p[i].sin() * p[i + 1].sin(), p[i].cos()]
             for i in (6, 8, 10)
+        ])  # fmt: skip
+        of_psd = [p[i : i + 6] for i in (12, 18, 24)]
+        self.centres = np.array([
+            [radius * azimuth.cos(), radius * azimuth.sin(), height]
+            for radius, azimuth, height, *_ in of_psd
+        ])  # fmt: skip
+        self.axes = [
+            rotation(roll, pitch, azimuth + yaw).T for _, azimuth, _, roll, pitch, yaw in of_psd
         ]
-        self.centres, self.axes = [], []
-        for i in (12, 18, 24):
-            self.centres.append([p[i] * p[i + 1].cos(), p[i] * p[i + 1].sin(), p[i + 2]])
-            rows = rotation(p[i + 3], p[i + 4], p[i + 1] + p[i + 5])
-            self.axes.append([[row[j] for row in rows] for j in range(3)])
 
-    def flat(self, v: Any) -> Any:
-        """Project a vector along the beam; the result is in sigmas."""
-        return [inner_product(v, a) * (1 / s) for a, s in zip(self.across, self.sigma, strict=True)]
+    def project(self, v: Array) -> Any:
+        """Project a vector (3,) along the beam: (2,) in sigmas."""
+        return (self.across @ v) * (1 / self.sigma)
 
 
-def pose_of_box(box: list[Any]) -> list[IntervalDual]:
-    """Dual numbers of the pose, whose derivatives by the pose are the identity."""
-    return [IntervalDual(x, [arb(i == j) for j in range(6)]) for i, x in enumerate(box)]
+def pose_of_box(box: Any) -> Array:
+    """Dual numbers (6,) of the pose, whose derivatives by the pose are the identity."""
+    return np.array([IntervalDual(x, arb(1) * row) for x, row in zip(box, np.eye(6), strict=True)])
 
 
-def spots(rig: IntervalSensor, box: list[Any], light: Any) -> list[IntervalDual]:
+def spots(rig: IntervalSensor, box: Any, light: Any) -> list[IntervalDual]:
     """Return psi and zeta of the three detectors with derivatives at fixed shares of the light."""
     pose = pose_of_box(box)
-    turn = rotation(*pose[3:])
-    apex, out = pose[:3], []
+    apex, turn, out = pose[:3], rotation(*pose[3:]), []
     for k in range(3):
-        normal = [inner_product(row, rig.normals[k]) for row in turn]
-        middle = [
+        normal = turn @ rig.normals[k]
+        from_point = np.array([
             IntervalDual(span(*light["from_point"][k][i]),
-                 [arb(0)] * 3 + [span(*d) for d in light["turns"][k][i]])
+                         np.array([arb(0)] * 3 + [span(*d) for d in light["turns"][k][i]]))
             for i in range(2)
-        ]  # fmt: skip
-        beside = [
-            sum(
-                (middle[i] * (rig.sigma[i] * rig.across[i][c]) for i in range(2)),
-                IntervalDual(arb(0)),
-            )
-            for c in range(3)
-        ]
-        down = inner_product(normal, rig.down)
-        drop = -inner_product(normal, beside) / down
-        start = [apex[c] + beside[c] + drop * rig.down[c] for c in range(3)]
-        away = [normal[c] * (down * arb(-2)) + rig.down[c] for c in range(3)]
+        ])  # fmt: skip
+        offset = from_point @ (rig.across * rig.sigma[:, None])
+        down = normal @ rig.down
+        start = apex + offset + rig.down * (-(normal @ offset) / down)
+        leaving = normal * (down * arb(-2)) + rig.down
         x, y, z = rig.axes[k]
-        reach = inner_product(
-            [IntervalDual(m) - s for m, s in zip(rig.centres[k], start, strict=True)], x
-        )
-        facing = inner_product(away, x)
+        reach, facing = (rig.centres[k] - start) @ x, leaving @ x
         refuse_unless(down.value < 0, f"facet {'abc'[k]} may not face the beam in the box")
         refuse_unless(facing.value > 0, f"detector {'abc'[k]} may not face its sub-beam in the box")
         refuse_unless(reach.value > 0, f"detector {'abc'[k]} may stand behind the mirror")
-        place = [start[c] + away[c] * (reach / facing) - rig.centres[k][c] for c in range(3)]
-        out += [inner_product(place, y), inner_product(place, z)]
+        place = start + leaving * (reach / facing) - rig.centres[k]
+        out += [place @ y, place @ z]
     return out
 
 
-def edges_of(rig: IntervalSensor, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
-    """Angle of each edge seen along the beam, and its derivatives by roll, pitch and yaw."""
+def edges_of(rig: IntervalSensor, angles: list[Any]) -> list[tuple[Any, Array]]:
+    """Angle of each edge seen along the beam, and its derivatives (3,) by roll, pitch and yaw."""
     turn = rotation(*pose_of_box([arb(0)] * 3 + angles)[3:])
     edges = []
     for k in range(3):
-        a, b = rig.normals[k], rig.normals[k - 1]
-        edge = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        x, y = rig.flat([inner_product(row, edge) for row in turn])
+        x, y = rig.project(turn @ np.cross(rig.normals[k], rig.normals[k - 1]))
         c, s = x.value.mid(), y.value.mid()
         angle = arb.atan2(s, c) + arb.atan2(c * y.value - s * x.value, c * x.value + s * y.value)
-        slopes = [
-            (x.value * y.slope[j] - y.value * x.slope[j]) / (x.value**2 + y.value**2)
-            for j in (3, 4, 5)
-        ]
-        edges.append((angle, slopes))
+        slopes = (y.slope * x.value - x.slope * y.value) / (x.value**2 + y.value**2)
+        edges.append((angle, slopes[3:]))
     return edges
 
 
-def openings_between(edges: list[tuple[Any, list[Any]]]) -> list[Any]:
+def openings_between(edges: list[tuple[Any, Array]]) -> list[Any]:
     """Angles from each edge to the next, rad."""
     turn = 2 * arb.pi()
     gaps = [edges[(k + 1) % 3][0] - edges[k][0] for k in range(3)]

@@ -16,10 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from flint import arb, arb_mat
 
-from .certificate_optics import IntervalDual, IntervalSensor, pose_of_box, span, spots
+from .certificate_optics import Array, IntervalDual, IntervalSensor, pose_of_box, span, spots
 from .certificate_schema import Refused, refuse_unless
 
-Rows = list[list[Any]]
+#: Operations on each element of arrays of intervals.
+UNION, MAGNITUDE = np.frompyfunc(arb.union, 2, 1), np.frompyfunc(arb.abs_upper, 1, 1)
 
 #: Largest number of parts of the box that are examined as the middle of the way.
 MOST = 4000
@@ -43,30 +44,32 @@ class Jacobian(NamedTuple):
     """Jacobian over a piece: `middle` (6, 6) is its value at `place` (6,), slopes[i][j][m] its
     derivatives by axis m over the whole piece, `off` (6,) the piece relative to `place`."""
 
-    place: list[Any]
-    off: list[Any]
-    middle: Rows
-    slopes: list[list[list[Any]]]
+    place: Array
+    off: Array
+    middle: Array
+    slopes: Array
 
-    def whole(self) -> Rows:
-        return [
-            [a + sum(d * by for d, by in zip(slope, self.off, strict=True))
-             for a, slope in zip(row, rows, strict=True)]
-            for row, rows in zip(self.middle, self.slopes, strict=True)
-        ]  # fmt: skip
+    def over_piece(self) -> Array:
+        """Enclose the Jacobian (6, 6) over the whole piece."""
+        enclosure: Array = self.middle + self.slopes @ self.off
+        return enclosure
+
+
+def spans(low: Any, high: Any) -> Array:
+    return np.array([span(a, b) for a, b in zip(low, high, strict=True)])
 
 
 def jacobian_over(rig: IntervalSensor, piece: dict[str, Any], light: Any) -> Jacobian:
-    pose = [span(a, b) for a, b in zip(piece["low"], piece["high"], strict=True)]
-    place = [side.mid() for side in pose]
-    off = [side - x for side, x in zip(pose, place, strict=True)]
-    middle = [spot.slope for spot in spots(rig, place, light)]
+    pose = spans(piece["low"], piece["high"])
+    place = np.array([side.mid() for side in pose])
+    middle = np.array([spot.slope for spot in spots(rig, place, light)])
     spots(rig, pose, light)  # refuses where a facet or a detector may face away
-    carried = [spot.slope for spot in spots(rig, pose_of_box([*place[:3], *pose[3:]]), light)]
+    carried = spots(rig, pose_of_box([*place[:3], *pose[3:]]), light)
     slopes = [
-        [x.slope if isinstance(x, IntervalDual) else [arb(0)] * 6 for x in row] for row in carried
+        [x.slope if isinstance(x, IntervalDual) else np.full(6, arb(0)) for x in spot.slope]
+        for spot in carried
     ]
-    return Jacobian(place, off, middle, slopes)
+    return Jacobian(place, pose - place, middle, np.array(slopes))
 
 
 def as_fraction(x: Any) -> Fraction:
@@ -95,7 +98,7 @@ def check_pieces(
     jacobians, least = [], []
     for piece in content["pieces"]:
         jacobians.append(jacobian_over(rig, piece, content["light"]))
-        size = determinant_of(jacobians[-1].whole()) * slope
+        size = determinant_of(jacobians[-1].over_piece()) * slope
         refuse_unless(not size.abs_upper() < arb(piece["at_least"]),
                       "a piece claims a larger determinant than it has")  # fmt: skip
         least.append(least_magnitude(size))
@@ -115,42 +118,40 @@ def least_magnitude(size: Any) -> Fraction:
     return max(as_fraction(size.abs_lower()), Fraction(0)) if size.is_finite() else Fraction(0)
 
 
-def middles_of(rows: Rows) -> Any:
-    middles = np.array([[float(x.mid()) for x in row] for row in rows])
+def inverse_of_middles(matrix: Array) -> Any:
+    """Approximate inverse (6, 6), in floats, of an interval matrix."""
+    middles = np.array([[float(x.mid()) for x in row] for row in matrix])
     refuse_unless(bool(np.isfinite(middles).all()), "no bounds of the Jacobian")
-    return middles
+    return np.linalg.pinv(middles)
 
 
-def determinant_of(rows: Rows) -> Any:
+def determinant_of(matrix: Array) -> Any:
     """Determinant of an interval matrix, from its product with an approximate inverse."""
-    near = arb_mat(np.linalg.pinv(middles_of(rows)).tolist())
-    return (near * arb_mat(rows)).det() / near.det()
+    near = arb_mat(inverse_of_middles(matrix).tolist())
+    return (near * arb_mat(matrix.tolist())).det() / near.det()
 
 
-def hull_of(matrices: list[Rows]) -> Rows:
-    hull = matrices[0]
-    for rows in matrices[1:]:
-        hull = [[x.union(y) for x, y in zip(a, b, strict=True)]
-                for a, b in zip(hull, rows, strict=True)]  # fmt: skip
-    return hull
+def distances_from_identity(matrix: Array, inverse: Any) -> Array:
+    """Upper bounds (6, 6) of |1 - C M| for an inverse C and every M in an interval matrix."""
+    bounds: Array = MAGNITUDE(np.array(inverse, dtype=object) @ matrix - np.eye(6, dtype=object))
+    return bounds
 
 
-def margin_of(rows: Rows, inverse: Any, weights: Any) -> Fraction:
-    """Margin by which |1 - C M| shrinks the weights for every M in the rows, or raise `Refused`."""
-    margins, product = [], arb_mat(inverse) * arb_mat(rows)
-    for i in range(6):
-        row = arb(0)
-        for j in range(6):
-            row += (product[i, j] - (i == j)).abs_upper() * weights[j]
-        refuse_unless(row < weights[i], f"the hull of the Jacobians may be singular: row {i + 1} of"
+def margin_of(matrix: Array, inverse: Any, weights: Any) -> Fraction:
+    """Margin by which |1 - C M| shrinks the weights for every M in an interval matrix, or raise
+    `Refused`."""
+    margins = []
+    shrunk = distances_from_identity(matrix, inverse) @ np.array(weights, dtype=object)
+    for i, (row, weight) in enumerate(zip(shrunk, weights, strict=True)):
+        refuse_unless(row < weight, f"the hull of the Jacobians may be singular: row {i + 1} of"
                       f" |1 - C M| times the weights is {row}, not below its own")  # fmt: skip
-        margins.append(as_fraction((1 - row / weights[i]).lower()))
+        margins.append(as_fraction((1 - row / weight).lower()))
     return min(margins)
 
 
 def check_hull(jacobians: list[Jacobian], content: dict[str, Any], found: CheckResult) -> None:
     """Check with the file's inverse and weights that the hull of all Jacobians is regular."""
-    hull = hull_of([jacobian.whole() for jacobian in jacobians])
+    hull = UNION.reduce([jacobian.over_piece() for jacobian in jacobians])
     found.margin = margin_of(hull, content["inverse"], content["weights"])
     note_margin(content, found)
 
@@ -161,34 +162,25 @@ def note_margin(content: dict[str, Any], found: CheckResult) -> None:
 
 
 class CertifiedAffine:
-    """Affine map L of the file; a map far from the Jacobian weakens the proof but is valid."""
+    """Affine map L of the file; a map far from the Jacobian weakens the proof but is valid.
+
+    slopes: (6, 6, 6), the first index that of the pose's axis.
+    """
 
     def __init__(self, content: dict[str, Any]) -> None:
-        self.place, self.value, self.slopes = (content[k] for k in ("place", "value", "slopes"))
+        self.place, self.value, self.slopes = (
+            np.array(content[key], dtype=object) for key in ("place", "value", "slopes")
+        )
 
-    def evaluate(self, pose: list[Any]) -> Rows:
-        off = [side - x for side, x in zip(pose, self.place, strict=True)]
-        return [
-            [arb(self.value[i][j]) + sum(arb(self.slopes[m][i][j]) * off[m] for m in range(6))
-             for j in range(6)]
-            for i in range(6)
-        ]  # fmt: skip
+    def evaluate(self, pose: Array) -> Array:
+        matrix: Array = self.value + np.tensordot(pose - self.place, self.slopes, 1)
+        return matrix
 
-    def rest(self, jacobian: Jacobian) -> Rows:
+    def remainder(self, jacobian: Jacobian) -> Array:
         """Enclose J - L over a piece."""
-        at = self.evaluate(jacobian.place)
-        return [
-            [jacobian.middle[i][j] - at[i][j]
-             + sum((jacobian.slopes[i][j][m] - arb(self.slopes[m][i][j])) * jacobian.off[m]
-                   for m in range(6))
-             for j in range(6)]
-            for i in range(6)
-        ]  # fmt: skip
-
-
-def sum_of(one: list[list[Any]], other: list[list[Any]]) -> list[list[Any]]:
-    """Sum of two matrices."""
-    return [[x + y for x, y in zip(*pair, strict=True)] for pair in zip(one, other, strict=True)]
+        slopes = jacobian.slopes - np.moveaxis(self.slopes, 0, -1)
+        enclosure: Array = jacobian.middle - self.evaluate(jacobian.place) + slopes @ jacobian.off
+        return enclosure
 
 
 def check_middles(
@@ -196,26 +188,25 @@ def check_middles(
 ) -> None:
     """Check that L(middle) + the hull of J - L is regular for every middle in the box."""
     affine, slope = CertifiedAffine(content["middles"]), slope_of_powers(rig, content)
-    rest = hull_of([affine.rest(jacobian) for jacobian in jacobians])
-    whole = list(zip(map(arb, content["low"]), map(arb, content["high"]), strict=True))
-    enough, todo = Fraction(content["margin"]) / 2, [(whole, 0)]
-    margins, sizes, done = [], [], 0
+    remainder = UNION.reduce([affine.remainder(jacobian) for jacobian in jacobians])
+    box = list(zip(map(arb, content["low"]), map(arb, content["high"]), strict=True))
+    enough, claim = Fraction(content["margin"]) / 2, arb(content["least_determinant"])
+    margins, sizes, examined, todo = [], [], 0, [(box, 0)]
     while todo:
-        (part, depth), done = todo.pop(), done + 1
-        refuse_unless(done <= MOST, "L(middle) + the hull of J - L may be singular near"
+        (part, depth), examined = todo.pop(), examined + 1
+        refuse_unless(examined <= MOST, "L(middle) + the hull of J - L may be singular near"
                       f" {[float(a.mid()) for a, _ in part]}")  # fmt: skip
-        near = affine.evaluate([span(a, b) for a, b in part])
-        rows = sum_of(near, rest)
-        margin, inverse = margin_by_itself(rows)
+        matrix = affine.evaluate(spans(*zip(*part, strict=True))) + remainder
+        margin, inverse = margin_by_itself(matrix)
         if margin <= 0 or (margin < enough and depth < DEPTH):
-            todo += [(half, depth + 1) for half in cut_in_two(part, affine.slopes, rows)]
+            todo += [(half, depth + 1) for half in cut_in_two(part, affine.slopes, inverse)]
             continue
         margins.append(margin)
         power = arb(margin.numerator) / margin.denominator
-        bound = power**6 / arb_mat(inverse).det() * slope
-        sizes.append(max(least_magnitude(bound), least_magnitude(determinant_of(rows) * slope)))
-        claim = arb(content["least_determinant"])
-        refuse_unless(not (determinant_of(rows) * slope).abs_upper() < claim,
+        bound = power**6 / arb_mat(inverse.tolist()).det() * slope
+        size = determinant_of(matrix) * slope
+        sizes.append(max(least_magnitude(bound), least_magnitude(size)))
+        refuse_unless(not size.abs_upper() < claim,
                       "least_determinant is a larger determinant than it has")  # fmt: skip
     found.margin, found.determinant = min(margins), max(found.determinant, min(sizes))
     if found.determinant < Fraction(content["least_determinant"]):
@@ -223,32 +214,26 @@ def check_middles(
     note_margin(content, found)
 
 
-def margin_by_itself(rows: Rows) -> tuple[Fraction, list[list[float]]]:
+def margin_by_itself(matrix: Array) -> tuple[Fraction, Any]:
     """Return the margin, or -1, for an inverse of the midpoints, and that inverse."""
-    inverse = np.linalg.pinv(middles_of(rows)).tolist()
-    left = arb_mat(inverse) * arb_mat(rows)
-    apart = np.array([[float((left[i, j] - (i == j)).abs_upper()) for j in range(6)]
-                      for i in range(6)])  # fmt: skip
-    refuse_unless(bool(np.isfinite(apart).all()), "no bounds of the Jacobian")
+    inverse = inverse_of_middles(matrix)
+    distances = distances_from_identity(matrix, inverse).astype(float)
+    refuse_unless(bool(np.isfinite(distances).all()), "no bounds of the Jacobian")
     weights = np.ones(6)
     for _ in range(100):
-        weights = apart @ weights + 1e-9 * weights.max()
+        weights = distances @ weights + 1e-9 * weights.max()
         weights /= weights.max()
     try:
-        return margin_of(rows, inverse, weights.tolist()), inverse
+        return margin_of(matrix, inverse, weights.tolist()), inverse
     except Refused:
         return Fraction(-1), inverse
 
 
-def cut_in_two(part: list[tuple[Any, Any]], slopes: Any, rows: Rows) -> list[list[tuple[Any, Any]]]:
-    """Halve a part across the axis that changes L the most."""
-    inverse = np.abs(np.linalg.pinv(middles_of(rows)))
-    moved = [
-        float((b - a).mid()) * (inverse @ np.abs(slope)).sum(axis=1).max()
-        for (a, b), slope in zip(part, np.array(slopes, dtype=float), strict=True)
-    ]
-    axis = int(np.argmax(moved))
+def cut_in_two(part: list[Any], slopes: Array, inverse: Any) -> list[list[Any]]:
+    """Halve a part across the axis that changes L the most.  inverse: of L in its middle."""
+    widths = np.array([float((b - a).mid()) for a, b in part])
+    changes = (np.abs(inverse) @ np.abs(slopes.astype(float))).sum(axis=2).max(axis=1)
+    axis = int(np.argmax(widths * changes))
     a, b = part[axis]
     middle = ((a + b) / 2).mid()
-    sides = [(a, middle), (middle, b)]
-    return [[*part[:axis], side, *part[axis + 1 :]] for side in sides]
+    return [[*part[:axis], side, *part[axis + 1 :]] for side in ((a, middle), (middle, b))]

@@ -8,8 +8,10 @@ What it trusts, all of it:
 2. that the sensor is as that page says: ideal light, flat facets, nothing else that cuts light;
 3. the outward rounding of python-flint's intervals (Arb), and Python's comparison of floats;
 4. JSON as Python reads it, after which the file has to fit the schema, every number finite;
-5. this file and certificate_schema.py and .json, _optics.py and _pieces.py beside it, some
-   1,000 lines, and numpy for matrices that need not be right; nothing else of the project.
+5. this file with certificate_schema.py and .json, _optics.py and _pieces.py, some 1,000 lines;
+   nothing else of the project;
+6. that numpy's arrays of objects call the operators of their elements; its numbers are used only
+   where they need not be right.
 
 It trusts no number of the file: it traces rays itself, takes derivatives by dual numbers instead of
 closed formulas, bounds the light on its own grid, compares the pieces' edges exactly, and asks:
@@ -28,11 +30,19 @@ from fractions import Fraction
 from itertools import pairwise, product
 from math import floor, radians
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 from flint import arb
 
-from .certificate_optics import IntervalSensor, edges_of, farthest_offset, openings_between, span
+from .certificate_optics import (
+    Array,
+    IntervalSensor,
+    edges_of,
+    farthest_offset,
+    openings_between,
+    span,
+)
 from .certificate_pieces import CheckResult, check_hull, check_middles, check_pieces
 from .certificate_schema import SCHEMA, Refused, conform, refuse_unless
 
@@ -52,15 +62,31 @@ def nonnegative(x: Any) -> Any:
     return max(x.lower(), arb(0))
 
 
-def half_line(q: list[Any], angle: Any) -> tuple[Any, Any, Any, list[Any]]:
-    """Light L on a half-line from q, K / L and J / K, which all fall with q . u; direction u."""
-    u = [angle.cos(), angle.sin()]
-    a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
-    near, far = half_line_means(a.lower()), half_line_means(a.upper())
-    nearest, farthest = (((-(side**2)) / 2).exp() for side in (h.abs_lower(), h.abs_upper()))
+class HalfLine(NamedTuple):
+    """Half-line over a cell of offsets: its light L, the means K / L and J / K along it, which all
+    fall with q . u, and its direction u (2,)."""
+
+    light: Any
+    mean: Any
+    reach: Any
+    u: Array
+
+
+def half_line(q: Array, angle: Any) -> HalfLine:
+    u = np.array([angle.cos(), angle.sin()])
+    along = q @ u
+    near, far = half_line_means(along.lower()), half_line_means(along.upper())
+    aside = cross_product(q, u)
+    nearest, farthest = (
+        ((-(side**2)) / 2).exp() for side in (aside.abs_lower(), aside.abs_upper())
+    )
     scale = (8 * arb.pi()).sqrt()
-    whole = (far[0] * farthest / scale).union(near[0] * nearest / scale)
-    return whole, far[1].union(near[1]), far[2].union(near[2]), u
+    light = (far[0] * farthest / scale).union(near[0] * nearest / scale)
+    return HalfLine(light, far[1].union(near[1]), far[2].union(near[2]), u)
+
+
+def cross_product(u: Array, v: Array) -> Any:
+    return u[0] * v[1] - u[1] * v[0]
 
 
 def half_line_means(x: Any) -> tuple[Any, Any, Any]:
@@ -77,54 +103,50 @@ def holds(claim: list[float], value: Any) -> bool:
 Claims = list[tuple[list[float], Any]]
 
 
-def light_on(edge: Any, opening: Any, q: list[Any], rays: int) -> tuple[Any, list[Any]]:
-    """A facet's share of the light and its centroid from the apex, over a cell of offsets."""
-    mass, moment = arb(0), [arb(0), arb(0)]
+def light_on(edge: Any, opening: Any, q: Array, rays: int) -> tuple[Any, Array]:
+    """A facet's share of the light and its centroid (2,) from the apex, over a cell of offsets."""
+    mass, moment = arb(0), np.array([arb(0), arb(0)])
     for n in range(rays):
-        part = (span(0, 1) + n) / rays
-        whole, mean, reach, u = half_line(q, edge + opening * part)
-        low = nonnegative(whole) * nonnegative(mean)
-        density = low.union(whole.upper() * mean.upper())
+        ray = half_line(q, edge + opening * ((span(0, 1) + n) / rays))
+        low = nonnegative(ray.light) * nonnegative(ray.mean)
+        density = low.union(ray.light.upper() * ray.mean.upper())
         mass += density
-        moment = [moment[i] + density * reach * u[i] for i in range(2)]
-    return mass * opening / rays, [m / mass for m in moment]
+        moment = moment + density * ray.reach * ray.u
+    return mass * opening / rays, moment / mass
 
 
-def claims_in_cell(edges: Any, q: list[Any], shares: Any, middles: Any, light: Any) -> Claims:
+def claims_in_cell(edges: Any, q: Array, shares: Any, middles: Any, light: Any) -> Claims:
     """Pairs of the file's claims about the light and the values computed in a cell of offsets."""
     rays = [half_line(q, edge[0]) for edge in edges]
-    u = [ray[3] for ray in rays]
-    alpha = [u[e - 2][0] * u[e - 1][1] - u[e - 2][1] * u[e - 1][0] for e in range(3)]
-    claims: Claims = []
+    alpha = [cross_product(rays[e - 2].u, rays[e - 1].u) for e in range(3)]
+    claims: Claims = [(light["slope"], slope_of_shares([ray.light for ray in rays], alpha))]
     for j in range(3):
         turns = [edge[1][j] for edge in edges]
         dq, half = offset_motion(rays, alpha, turns)
-        for k, i in product(range(3), range(2)):
-            pushed = pushed_moment(rays, turns, k, i, middles[k][i])
-            moved = pushed / shares[k] - dq[i] / 2 + half * span(-1, 1)
-            claims.append((light["turns"][k][i][j], moved))
-    claims += [(light["from_point"][k][i], middles[k][i]) for k in range(3) for i in range(2)]
-    return [*claims, (light["slope"], slope_of_shares([ray[0] for ray in rays], alpha))]
+        for k in range(3):
+            pushed = pushed_moment(rays, turns, k, middles[k])
+            moved = pushed / shares[k] - dq / 2 + half * span(-1, 1)
+            claims += [(light["turns"][k][i][j], moved[i]) for i in range(2)]
+    return claims + [(light["from_point"][k][i], middles[k][i]) for k in range(3) for i in range(2)]
 
 
-def offset_motion(rays: list[Any], alpha: list[Any], turns: list[Any]) -> tuple[list[Any], Any]:
-    """Motion of the apex that keeps the shares while the edges turn, and half the bound of its
+def offset_motion(rays: list[HalfLine], alpha: list[Any], turns: list[Any]) -> tuple[Array, Any]:
+    """Motion (2,) of the apex that keeps the shares while the edges turn, and half the bound of its
     length."""
-    u = [ray[3] for ray in rays]
-    flow = sum(alpha[e] * rays[e][1] * turns[e] for e in range(3))
-    flow = flow / sum(alpha[e] / rays[e][0] for e in range(3))
-    w = [flow / rays[e][0] - rays[e][1] * turns[e] for e in range(2)]
-    dq = [(w[0] * u[1][i] - w[1] * u[0][i]) / alpha[2] for i in range(2)]
+    flow = sum(alpha[e] * rays[e].mean * turns[e] for e in range(3))
+    flow = flow / sum(alpha[e] / rays[e].light for e in range(3))
+    w = [flow / ray.light - ray.mean * turn for ray, turn in zip(rays, turns, strict=True)]
+    dq = (w[0] * rays[1].u - w[1] * rays[0].u) / alpha[2]
     return dq, (dq[0].abs_upper() ** 2 + dq[1].abs_upper() ** 2).sqrt() / 2
 
 
-def pushed_moment(rays: list[Any], turns: list[Any], k: int, i: int, middle: Any) -> Any:
-    """First moment along axis i that facet k gains when its two edges turn."""
-    pushed = arb(0)
-    for e, sign in ((k, -1), ((k + 1) % 3, 1)):
-        whole, mean, reach, side = rays[e]
-        pushed += sign * whole * mean * (reach * side[i] - middle) * turns[e]
-    return pushed
+def pushed_moment(rays: list[HalfLine], turns: list[Any], k: int, middle: Array) -> Any:
+    """First moment (2,) that facet k gains when its two edges turn."""
+    first, second = (
+        rays[e].light * rays[e].mean * turns[e] * (rays[e].reach * rays[e].u - middle)
+        for e in (k, (k + 1) % 3)
+    )
+    return second - first
 
 
 def slope_of_shares(lights: list[Any], alpha: list[Any]) -> Any:
@@ -135,7 +157,7 @@ def slope_of_shares(lights: list[Any], alpha: list[Any]) -> Any:
 
 
 def check_cell(
-    edges: Any, openings: list[Any], q: list[Any], least: float, light: Any, depth: int = 0
+    edges: Any, openings: list[Any], q: Array, least: float, light: Any, depth: int = 0
 ) -> None:
     """Check the file's bounds in a cell of offsets where every facet can have its least share."""
     shares, middles = [], []
@@ -147,9 +169,11 @@ def check_cell(
         middles.append(middle)
     if all(holds(*claim) for claim in claims_in_cell(edges, q, shares, middles, light)):
         return
-    refuse_unless(depth < DEPTH, f"the bounds of the light do not hold with the apex near {q}")
-    for x, y in product(*(halve(side) for side in q)):
-        check_cell(edges, openings, [x, y], least, light, depth + 1)
+    refuse_unless(
+        depth < DEPTH, f"the bounds of the light do not hold with the apex near {q.tolist()}"
+    )
+    for quarter in product(*(halve(side) for side in q)):
+        check_cell(edges, openings, np.array(quarter), least, light, depth + 1)
 
 
 def halve(x: Any) -> list[Any]:
@@ -172,9 +196,9 @@ def check_light(rig: IntervalSensor, content: dict[str, Any]) -> None:
         far = farthest_offset(openings, least)
         sides = [arb(x.numerator) / x.denominator for x in
                  (far * (2 * n - CELLS) / CELLS for n in range(CELLS + 1))]  # fmt: skip
-        for i, j in product(range(CELLS), repeat=2):
-            q = [sides[i].union(sides[i + 1]), sides[j].union(sides[j + 1])]
-            check_cell(edges, openings, q, least, content["light"])
+        strips = [a.union(b) for a, b in pairwise(sides)]
+        for cell in product(strips, repeat=2):
+            check_cell(edges, openings, np.array(cell), least, content["light"])
 
 
 def check_cover(content: dict[str, Any]) -> None:

@@ -11,13 +11,9 @@ proof if it finds a determinant below the bound, or two states of the set that r
 
 from __future__ import annotations
 
-import json
 import sys
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,19 +26,14 @@ from facets.config import load
 from facets.core.sensor import Sensor
 from facets.core.units import Floats
 from facets.model.arrays import parameters, sensor_with
-from facets.proof.certificate import write_certificate
 from facets.proof.uniqueness import Certificate, certify
 
-from ..certificate_schema import Refused
-from ..check_certificate import check
 from .options import parse_options
 
 #: Largest number of pieces in a proof.
 WORK = 400
 #: Number of sampled states, of pairs searched, and of steps of the search.
 SAMPLES, PAIRS, STEPS = 4000, 300, 30
-#: Number of sampled states for a small set, in which few states have enough light.
-MORE_SAMPLES = 40_000
 #: Steps of the differences, mm and rad; bounds for equal readings and for different states.
 STEP = np.array([1e-4] * 3 + [1e-6] * 3 + [1e-4] * 2)
 SAME, APART = 1e-9, 1e-5
@@ -120,27 +111,6 @@ def breaks_bound(
     states = states_of(case, model, SAMPLES, rng)
     sizes = np.abs(np.linalg.det(model.slopes(states)[:, :8]))
     return bool((sizes < found.at_least * (1 - 1e-6)).any())
-
-
-def breaks_check(
-    case: ProofCase, model: SlopeModel, found: Certificate, rng: np.random.Generator
-) -> bool:
-    """Whether a state's determinant is below the checker's bound for the certificate, or for one
-    with the largest valid bound of the powers' slope."""
-    states = states_of(case, model, MORE_SAMPLES, rng)
-    slopes = model.slopes(states)
-    least = np.abs(np.linalg.det(slopes[:, :8])).min()
-    moved = np.linalg.det(slopes[:, [2, 5], 6:]) * model.sigma.prod() / model.power**2
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "certificate.json"
-        write_certificate(path, case.sensor, found, {"config": "leaning"})
-        content = json.loads(path.read_text())
-        bounds = [check(path).determinant]
-        content["light"]["slope"][0] = 0.99 * float(np.abs(moved / model.down[2]).min())
-        path.write_text(json.dumps(content))
-        with suppress(Refused):
-            bounds.append(check(path).determinant)
-    return any(float(bound) > least * (1 + 1e-6) for bound in bounds)
 
 
 def breaks_uniqueness(case: ProofCase, model: SlopeModel, rng: np.random.Generator) -> bool:

@@ -12,9 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-import facets
-from facets.calibration.fitting.bundle_adjustment import Data, states_of
-from facets.calibration.fitting.fit import Fit, fit
 from facets.calibration.fitting.unknowns import (
     ALL,
     MOUNT,
@@ -27,8 +24,6 @@ from facets.calibration.fitting.unknowns import (
 )
 from facets.core.sensor import Sensor
 from facets.core.units import Floats
-from facets.detectors.correction import correct, invert_correction
-from facets.detectors.noise import add_noise
 
 from .bench_rays import RayBench
 
@@ -75,43 +70,9 @@ def draw_rig(nominal: Sensor, rng: Rng) -> Rig:
     return Rig(assign_values(nominal, values), values)
 
 
-def read(rig: Rig, data: Data, rng: Rng) -> Data:
-    """Return the samples with the detectors' readings at the reference's poses."""
-    state = states_of(data, np.zeros((len(data.pose), 9)), rig.values)
-    noisy = add_noise(rig.sensor, facets.readings(rig.sensor, state), rng)
-    return data._replace(raw=invert_correction(rig.sensor, noisy))
-
-
-def sample_motion(rig: Rig, count: int, rng: Rng) -> tuple[Data, Floats]:
-    """Sample random motions: reference and detector data, and the true states (n, 8)."""
-    pose = rng.uniform(-1, 1, (count, 6)) * BOX
-    empty = Data(np.empty((count, 9)), pose, REFERENCE, np.zeros((count, 2)))
-    data = read(rig, empty, rng)
-    said = pose + REFERENCE * rng.standard_normal(pose.shape)
-    return data._replace(pose=said), states_of(empty, np.zeros((count, 9)), rig.values)
-
-
-def errors(sensor: Sensor, data: Data, state: Floats) -> Floats:
-    """Errors (n, 6) of solved poses with the beam known; mm and rad."""
-    poses = facets.solve(sensor, correct(sensor, data.raw), beam="known", threads=0)
-    error: Floats = (poses.state - state)[:, :6]
-    return error
-
-
 def rms(error: Floats) -> Floats:
     root: Floats = np.sqrt(np.nanmean(error**2, axis=0))
     return root
-
-
-def try_rig(seed: int, samples: int, nominal: Sensor) -> tuple[Rig, Fit, Floats]:
-    """A rig, its calibration, and r.m.s. errors (3, 6) on other motions: before, after, perfect."""
-    rng = np.random.default_rng(seed)
-    rig = draw_rig(nominal, rng)
-    data, _ = sample_motion(rig, samples, rng)
-    result = fit(nominal, data, choice())
-    fresh, state = sample_motion(rig, 2000, rng)
-    rows = [rms(errors(sensor, fresh, state)) for sensor in (nominal, result.sensor, rig.sensor)]
-    return rig, result, np.array(rows)
 
 
 class BenchRig(NamedTuple):

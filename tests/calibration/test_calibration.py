@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from commands import command
 from facets.experiments.studies import rigs
-from rig_samples import NOMINAL, sample_rig, write_samples
+from rig_samples import NOMINAL, pose_errors, sample_motion, sample_rig, write_samples
 
 import facets
 from facets import ConfigError
@@ -34,7 +34,14 @@ def test_rigs_are_found_with_honest_uncertainties():
     inside is 74 +- 2."""
     off = []
     for seed in range(3):
-        rig, fitted, (before, after, perfect) = rigs.try_rig(seed, 300, NOMINAL)
+        rng = np.random.default_rng(seed)
+        rig = rigs.draw_rig(NOMINAL, rng)
+        fitted = fit.fit(NOMINAL, sample_motion(rig, 300, rng)[0], rigs.choice())
+        fresh, state = sample_motion(rig, 2000, rng)
+        before, after, perfect = (
+            rigs.rms(pose_errors(sensor, fresh, state))
+            for sensor in (NOMINAL, fitted.sensor, rig.sensor)
+        )
         assert fitted.ended
         assert (after < 1.3 * perfect).all()
         assert (before[2:] > 10 * after[2:]).all()
@@ -48,8 +55,8 @@ def test_stated_uncertainties_of_poses_have_the_calibration_in_them():
     for seed in range(6):
         rng = np.random.default_rng(seed + 50)
         rig = rigs.draw_rig(NOMINAL, rng)
-        calibrated = fit.fit(NOMINAL, rigs.sample_motion(rig, 12, rng)[0], rigs.choice()).sensor
-        fresh, state = rigs.sample_motion(rig, 300, rng)
+        calibrated = fit.fit(NOMINAL, sample_motion(rig, 12, rng)[0], rigs.choice()).sensor
+        fresh, state = sample_motion(rig, 300, rng)
         solution = facets.solve(calibrated, correct(calibrated, fresh.raw), beam="known")
         off = (solution.state - state)[:, :6]
         noise = np.sqrt(solution.uncertainty**2 - solution.calibration_uncertainty**2)[:, :6]
@@ -67,14 +74,14 @@ def test_stated_uncertainties_of_poses_have_the_calibration_in_them():
 def test_outliers_count_less_and_a_missing_detector_is_no_obstacle():
     rng = np.random.default_rng(2)
     rig = rigs.draw_rig(NOMINAL, rng)
-    data, _ = rigs.sample_motion(rig, 200, rng)
+    data, _ = sample_motion(rig, 200, rng)
     hit = rng.random(200) < 0.05
     data.raw[hit, 0] += 0.3
     data.raw[::4, 3:6] = np.nan
     robust, plain = (fit.fit(NOMINAL, data, rigs.choice(), limit) for limit in (3.0, None))
-    fresh, state = rigs.sample_motion(rig, 500, rng)
+    fresh, state = sample_motion(rig, 500, rng)
     perfect, good, bad = (
-        rigs.rms(rigs.errors(sensor, fresh, state))
+        rigs.rms(pose_errors(sensor, fresh, state))
         for sensor in (rig.sensor, robust.sensor, plain.sensor)
     )
     assert (good < 1.3 * perfect).all()
@@ -129,7 +136,7 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rig")
     rig, data, _ = sample_rig(100, 1, box=rigs.BOX)
     write_samples(folder / "data.csv", data)
-    trial, truth = rigs.sample_motion(rig, 300, np.random.default_rng(2))
+    trial, truth = sample_motion(rig, 300, np.random.default_rng(2))
     write_samples(folder / "trial.csv", trial)
     result = command("calibrate", "paper", "data.csv", "-o", "mine.yaml", cwd=folder)
     assert result.returncode == 0, result.stderr

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from facets.experiments.studies import rigs
-from rig_samples import NOMINAL
+from rig_samples import NOMINAL, read, sample_motion
 
 from facets.calibration import PLACE, Remainder, assign_values, compare_halves, fit, half_findings
 
@@ -14,11 +14,11 @@ def halves_of(seed, change=0.0):
     """The halves of a rig one of whose facets turns in the middle, rad."""
     rng = np.random.default_rng(seed)
     rig = rigs.draw_rig(NOMINAL, rng)
-    data, _ = rigs.sample_motion(rig, 80, rng)
+    data, _ = sample_motion(rig, 80, rng)
     values = rig.values.copy()
     values[PLACE["facet_a.inclination"]] += change
-    later = rigs.read(rigs.Rig(assign_values(NOMINAL, values), values), data, rng)
-    data = data._replace(raw=np.concatenate([data.raw[:40], later.raw[40:]]))
+    later = read(rigs.Rig(assign_values(NOMINAL, values), values), data, rng)
+    data = data._replace(raw=np.concatenate([data.raw[:40], later[40:]]))
     fitted = fit.fit(NOMINAL, data, rigs.choice(), None)
     return compare_halves(Remainder(NOMINAL, data, fitted, None))
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.experiments.studies import rigs
-from rig_samples import CONFIG, NOMINAL
+from rig_samples import CONFIG, NOMINAL, sample_motion
 
 import facets
 from facets.calibration import (
@@ -47,7 +47,7 @@ def calibrated(covariance, names=ALL.names):
 
 def test_two_linear_calibrations_are_one_of_both_data(rig):
     def normal_equations(count):
-        data, _ = rigs.sample_motion(rig, count, np.random.default_rng(count))
+        data, _ = sample_motion(rig, count, np.random.default_rng(count))
         zero = np.zeros((count, 9))
         slopes = linearise_model(NOMINAL, data, zero, values_of(NOMINAL), ALL)
         return eliminate_own_unknowns(slopes, np.ones((count, 9)), zero, own_sigma(data, ALL))
@@ -78,12 +78,12 @@ def test_two_linear_calibrations_are_one_of_both_data(rig):
 
 
 def test_a_changed_gain_is_found_and_the_rest_stays_known(rig):
-    before = fit.fit(NOMINAL, rigs.sample_motion(rig, 80, np.random.default_rng(3))[0], ALL)
+    before = fit.fit(NOMINAL, sample_motion(rig, 80, np.random.default_rng(3))[0], ALL)
     psds = list(rig.sensor.psds)
     correction = psds[1].correction
     psds[1] = replace(psds[1], correction=replace(correction, power=correction.power + 0.01))
     changed = rigs.Rig(replace(rig.sensor, psds=tuple(psds)), rig.values)
-    few, _ = rigs.sample_motion(changed, 12, np.random.default_rng(4))
+    few, _ = sample_motion(changed, 12, np.random.default_rng(4))
     after = fit.fit(before.sensor, few, choose_groups(before.sensor, ASKED, ["gains", "beam"]))
     place = ALL.names.index("correction_b.power")
     growth = after.values[place] - before.values[place]

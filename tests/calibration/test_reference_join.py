@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from facets.experiments.studies import rigs
-from rig_samples import CONFIG, move
+from rig_samples import CONFIG, move, read
 
 from facets import InputError
-from facets.calibration import REFERENCE, join_tables, recording_time
+from facets.calibration import REFERENCE, Data, join_tables, recording_time
 from facets.core import READING_COLUMNS, STATE_UNITS
 from facets.files import tables
 
@@ -26,8 +26,8 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("join")
     rng = np.random.default_rng(1)
     rig = rigs.draw_rig(CONFIG.sensor, rng)
-    empty = rigs.Data(np.zeros((600, 9)), pose(TIME), rigs.REFERENCE, np.zeros((600, 2)))
-    raw = rigs.read(rig, empty, rng).raw
+    empty = Data(np.zeros((600, 9)), pose(TIME), rigs.REFERENCE, np.zeros((600, 2)))
+    raw = read(rig, empty, rng)
     columns = dict(zip(READING_COLUMNS, raw.T, strict=True))
     for name in ("time_s", "host_s", "clock"):
         tables.write_table(folder / f"{name}.csv", {name: TIME, **columns}, {})

@@ -9,8 +9,17 @@ from itertools import product
 
 import numpy as np
 import pytest
-from facets.experiments.studies import rigs
-from rig_samples import NOMINAL, WIDE, accepted_effects, judge, sample_rig, settings, words_of
+from rig_samples import (
+    NOMINAL,
+    WIDE,
+    accepted_effects,
+    judge,
+    pose_errors,
+    sample_motion,
+    sample_rig,
+    settings,
+    words_of,
+)
 
 import facets
 from facets.detectors import correct
@@ -193,8 +202,8 @@ def test_an_error_of_the_reference_that_the_sensor_would_follow_is_undone_whole(
     rig, data, _ = sample_rig(COUNT, mirror=err_along(0, lambda pose: -3e-3 * pose[:, 2]))
     judged = judge(data)
     assert "The likeliest cause: the reference's axes are not square" in words_of(judged)
-    fresh, truth = rigs.sample_motion(rig, 200, np.random.default_rng(5))
-    off = rigs.errors(judged.sensor, fresh, truth)
+    fresh, truth = sample_motion(rig, 200, np.random.default_rng(5))
+    off = pose_errors(judged.sensor, fresh, truth)
     seen = np.isfinite(off).all(axis=1)
     assert abs(np.polyfit(truth[seen, 2], off[seen, 0], 1)[0]) < 1e-3
 

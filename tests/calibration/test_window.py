@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from facets.experiments.studies import rigs
-from rig_samples import judge, sample_rig, words_of
+from rig_samples import judge, pose_errors, sample_motion, sample_rig, words_of
 
 import facets
 
@@ -27,8 +27,8 @@ def test_what_hangs_over_the_edge_is_left_out():
     assert judged.is_trusted
     assert not judged.search.outliers  # the other detectors of these samples stay
     assert np.isfinite(judged.fitted.raw).mean() < 1
-    fresh, state = rigs.sample_motion(rig, 300, np.random.default_rng(7))
+    fresh, state = sample_motion(rig, 300, np.random.default_rng(7))
     error, best = (
-        rigs.rms(rigs.errors(sensor, fresh, state)) for sensor in (judged.sensor, rig.sensor)
+        rigs.rms(pose_errors(sensor, fresh, state)) for sensor in (judged.sensor, rig.sensor)
     )
     assert (error / best).max() < 1.5

@@ -10,7 +10,7 @@ from facets.experiments.studies import bench_rays, rigs
 import facets
 from facets.calibration import REFERENCE, Data, choice, states_of, time_derivatives, verdict
 from facets.core import READING_COLUMNS, STATE_UNITS
-from facets.detectors import add_noise, invert_correction
+from facets.detectors import add_noise, correct, invert_correction
 from facets.files import tables
 
 CONFIG = facets.load("paper")
@@ -27,17 +27,23 @@ def settings(**effects):
     return replace(CONFIG.calibrate, effects=off | effects)
 
 
-def sample_rig(
-    count, seed=5, *, box=WIDE, light=None, mirror=None, beam=None, alter=None, noise=1.0
+def sample_rig(count, seed=5, *, box=WIDE, **disturbances):
+    """Return a rig, its samples with a reference's errors, and the true states (count, 8);
+    disturbances: those of `sample_motion`."""
+    rng = np.random.default_rng(seed)
+    rig = rigs.draw_rig(NOMINAL, rng)
+    return rig, *sample_motion(rig, count, rng, box, **disturbances)
+
+
+def sample_motion(
+    rig, count, rng, box=rigs.BOX, *, light=None, mirror=None, beam=None, alter=None, noise=1.0
 ):
-    """Return a rig, its samples with a reference's errors, and the true states (count, 8).
+    """Return samples of a rig in random poses, with a reference's errors, and the true states.
 
     light: of the bench, as the model has it.  mirror: displaces it, by poses (n, 6) and a
     generator.  beam: displaces it (n, 2), by the count and a generator.  alter: changes exact
     readings (n, 9), by the sensor and the states.
     """
-    rng = np.random.default_rng(seed)
-    rig = rigs.draw_rig(NOMINAL, rng)
     sensor = replace(rig.sensor, light=light or NOMINAL.light)
     pose = rng.uniform(-1, 1, (count, 6)) * box
     still = np.zeros((count, 2))
@@ -50,8 +56,20 @@ def sample_rig(
         exact = alter(sensor, state, exact)
     raw = exact + noise * (add_noise(sensor, exact, rng) - exact)
     said = pose + rigs.REFERENCE * rng.standard_normal(pose.shape)
-    data = data._replace(raw=invert_correction(sensor, raw), pose=said, beam=still)
-    return rig, data, state
+    return data._replace(raw=invert_correction(sensor, raw), pose=said, beam=still), state
+
+
+def read(rig, data, rng):
+    """Return the raw readings (n, 9) of a rig at the poses and beam places of samples."""
+    state = states_of(data, np.zeros((len(data.pose), 9)), rig.values)
+    noisy = add_noise(rig.sensor, facets.readings(rig.sensor, state), rng)
+    return invert_correction(rig.sensor, noisy)
+
+
+def pose_errors(sensor, data, state):
+    """Return the errors (n, 6) of poses that are solved with the beam known; mm and rad."""
+    poses = facets.solve(sensor, correct(sensor, data.raw), beam="known", threads=0)
+    return (poses.state - state)[:, :6]
 
 
 def move(at):

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from commands import command
 from facets.experiments.studies import rigs
+from rig_samples import sample_motion
 
 import facets
 from facets.calibration import REFERENCE
@@ -34,7 +35,7 @@ def folder(tmp_path_factory):
     """Readings of a rig beside a reference: as they are, and with a detector that slips."""
     folder = tmp_path_factory.mktemp("calibration")
     rng = np.random.default_rng(2)
-    data, _ = rigs.sample_motion(rigs.draw_rig(facets.Sensor(), rng), 60, rng)
+    data, _ = sample_motion(rigs.draw_rig(facets.Sensor(), rng), 60, rng)
     columns = dict(zip(READING_COLUMNS, data.raw.T, strict=True))
     columns |= dict(zip(REFERENCE, (data.pose / UNITS[:6]).T, strict=True))
     columns |= {"bx_mm": data.beam[:, 0], "by_mm": data.beam[:, 1]}

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from facets.experiments.check_certificate import check
 from facets.experiments.studies import false_proofs
 from sensors import SENSORS, states
 
 import facets
 from facets.characterization import parse_box
-from facets.proof import Certificate, certify
+from facets.proof import Certificate, certify, write_certificate
 
 
 @pytest.mark.parametrize("name", ["paper", "skewed1"])
@@ -43,14 +45,23 @@ def test_nothing_is_proved_that_the_search_breaks():
 
 
 @pytest.mark.slow
-def test_the_checker_s_bound_holds_for_a_beam_that_leans():
-    """Without the beam's tilt in its bound a forged file shows a tenth more than a state has."""
-    sensor = SENSORS["paper"]
+def test_the_checker_s_bound_holds_for_a_beam_that_leans(tmp_path):
+    """Also in a file whose bound of the powers' slope is forged to be the largest valid one:
+    without the beam's tilt in its bound, the checker shows a tenth more than a state has."""
+    sensor, path = SENSORS["paper"], tmp_path / "certificate.json"
     beam = replace(sensor.beam, tilt_x=0.6, diameter_x=1.3, diameter_y=0.85)
     box = parse_box("tx_mm=3:3.001,ty_mm=-2:-2,tz_mm=1:1.01")
     case = false_proofs.ProofCase(replace(sensor, beam=beam), box, 0.3)
-    model, rng = false_proofs.model_of(case.sensor), np.random.default_rng(1)
-    certificate = certify(case.sensor, case.box, case.share)
-    assert certificate.unique
-    assert not false_proofs.breaks_bound(case, model, certificate, rng)
-    assert not false_proofs.breaks_check(case, model, certificate, rng)
+    model = false_proofs.model_of(case.sensor)
+    proof = certify(case.sensor, case.box, case.share)
+    assert proof.unique
+    slopes = model.slopes(false_proofs.states_of(case, model, 40_000, np.random.default_rng(1)))
+    least = np.abs(np.linalg.det(slopes[:, :8])).min()
+    assert proof.at_least < least
+    write_certificate(path, case.sensor, proof, {"config": "leaning"})
+    assert float(check(path).determinant) < least
+    by_offset = np.linalg.det(slopes[:, [2, 5], 6:]) * model.sigma.prod() / model.power**2
+    content = json.loads(path.read_text())
+    content["light"]["slope"][0] = 0.99 * float(np.abs(by_offset / model.down[2]).min())
+    path.write_text(json.dumps(content))
+    assert float(check(path).determinant) < least
