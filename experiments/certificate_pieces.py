@@ -122,18 +122,19 @@ def inverse_of_middles(matrix: Array) -> Any:
     """Approximate inverse (6, 6), in floats, of an interval matrix."""
     middles = np.array([[float(x.mid()) for x in row] for row in matrix])
     refuse_unless(bool(np.isfinite(middles).all()), "no bounds of the Jacobian")
-    return np.linalg.pinv(middles)
+    return np.linalg.pinv(middles).tolist()
 
 
 def determinant_of(matrix: Array) -> Any:
     """Determinant of an interval matrix, from its product with an approximate inverse."""
-    near = arb_mat(inverse_of_middles(matrix).tolist())
+    near = arb_mat(inverse_of_middles(matrix))
     return (near * arb_mat(matrix.tolist())).det() / near.det()
 
 
 def distances_from_identity(matrix: Array, inverse: Any) -> Array:
     """Upper bounds (6, 6) of |1 - C M| for an inverse C and every M in an interval matrix."""
-    bounds: Array = MAGNITUDE(np.array(inverse, dtype=object) @ matrix - np.eye(6, dtype=object))
+    product = np.array((arb_mat(inverse) * arb_mat(matrix.tolist())).tolist())
+    bounds: Array = MAGNITUDE(product - np.eye(6, dtype=int))
     return bounds
 
 
@@ -203,7 +204,7 @@ def check_middles(
             continue
         margins.append(margin)
         power = arb(margin.numerator) / margin.denominator
-        bound = power**6 / arb_mat(inverse.tolist()).det() * slope
+        bound = power**6 / arb_mat(inverse).det() * slope
         size = determinant_of(matrix) * slope
         sizes.append(max(least_magnitude(bound), least_magnitude(size)))
         refuse_unless(not size.abs_upper() < claim,

@@ -116,8 +116,8 @@ def landing_point(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Float
     """Points (..., 2) at which rays meet a detector's plane, and the rays' lengths (...)."""
     centre, (x, y, z) = detector_plane(psd)
     path = ((centre - start) @ x) / (along @ x)
-    beside = start + path[..., None] * along - centre
-    return np.stack([beside @ y, beside @ z], axis=-1), path
+    place = start + path[..., None] * along - centre
+    return np.stack([place @ y, place @ z], axis=-1), path
 
 
 def reflectance(cosine: Floats, index: complex) -> tuple[Floats, Floats]:
@@ -251,47 +251,52 @@ def spot(facet: RayFacet) -> Floats:
     return np.column_stack([(centre * power[:, None] + at * extra) / whole[:, None], whole])
 
 
+def gauss_legendre(count: int, end: float) -> tuple[Floats, Floats]:
+    """Nodes between 0 and an end, and their weights."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return end * (nodes + 1) / 2, end * weights / 2
+
+
+def sample_sector(
+    radius: float, opening: float, counts: tuple[int, int], start: float = 0.0
+) -> tuple[Floats, Floats]:
+    """Points (m, 2) of a circular sector, and their areas; counts: those of radii and angles."""
+    (far, of_far), (turns, of_turns) = map(gauss_legendre, counts, (radius, opening))
+    turns = start + turns
+    points = np.stack([np.outer(far, np.cos(turns)), np.outer(far, np.sin(turns))], axis=-1)
+    return points.reshape(-1, 2), np.outer(of_far * far, of_turns).ravel()
+
+
 def sample_facet(facet: RayFacet) -> tuple[Floats, Floats, Floats]:
     """Points of a facet (m, 3) in the mirror's frame, their areas, their distances from edges."""
     bench, k, inward = facet.bench, facet.k, facet.inward
     first, second = facet.edges
-    angle = np.arccos(first @ second)
     gaps = np.array([bench.strips[k], bench.strips[(k + 1) % 3]]) / 2
     basis = np.array([first, inward[0]])
     corner = np.linalg.solve(np.array([[basis[0] @ v, basis[1] @ v] for v in inward]), gaps)
-    nodes, weights = np.polynomial.legendre.leggauss(ANGLES)
-    turns, of_turns = angle * (nodes + 1) / 2, angle * weights / 2
-    nodes, weights = np.polynomial.legendre.leggauss(DISTANCES)
-    size = 2 * REACH * np.sqrt(np.trace(bench.covariance))
-    far, of_far = size * (nodes + 1) / 2, size * weights / 2
-    flat = np.stack([np.outer(far, np.cos(turns)), np.outer(far, np.sin(turns))], axis=-1)
-    points = (corner + flat.reshape(-1, 2)) @ basis
-    return points, np.outer(of_far * far, of_turns).ravel(), np.column_stack(
-        [points @ v for v in inward])  # fmt: skip
+    radius = 2 * REACH * np.sqrt(np.trace(bench.covariance))
+    flat, areas = sample_sector(radius, np.arccos(first @ second), (DISTANCES, ANGLES))
+    points = (corner + flat) @ basis
+    return points, areas, np.column_stack([points @ v for v in inward])
 
 
 def sample_tip(facet: RayFacet) -> tuple[Floats, Floats]:
     """Points (m, 3) of a facet inside the disc that is lost at the tip, and their areas."""
     first, last = (np.arctan2(edge[1], edge[0]) for edge in facet.edges)
     opening = (last - first) % (2 * np.pi)
-    nodes, weights = np.polynomial.legendre.leggauss(6)
-    radius = np.sqrt(facet.bench.tip / np.pi)
-    angle, far = first + (nodes + 1) / 2 * opening, (nodes + 1) / 2 * radius
-    flat = np.stack([np.outer(far, np.cos(angle)), np.outer(far, np.sin(angle))], axis=-1)
-    flat = flat.reshape(-1, 2)
+    flat, areas = sample_sector(np.sqrt(facet.bench.tip / np.pi), opening, (6, 6), first)
     height = -(flat @ facet.normal[:2]) / facet.normal[2]
-    level = np.outer(weights * radius / 2 * far, weights * opening / 2).ravel()
-    return np.column_stack([flat, height]), level / facet.normal[2]
+    return np.column_stack([flat, height]), areas / facet.normal[2]
 
 
 def incident_light(facet: RayFacet, world: Floats) -> tuple[Floats, Floats, Floats]:
     """Flux on the facet, cosine and direction of the rays through points."""
     bench, beam = facet.bench, facet.beam
-    beside = world - np.pad(facet.states[:, None, 6:], ((0, 0), (0, 0), (0, 1)))
-    depth = beside @ beam.along
+    from_beam = world - np.pad(facet.states[:, None, 6:], ((0, 0), (0, 0), (0, 1)))
+    depth = from_beam @ beam.along
     matrix = np.eye(2) + depth[..., None, None] * bench.curvature
-    seen = np.stack([beside @ beam.x, beside @ beam.y], axis=-1)
-    across = np.linalg.solve(matrix, seen[..., None])[..., 0]
+    aside = np.stack([from_beam @ beam.x, from_beam @ beam.y], axis=-1)
+    across = np.linalg.solve(matrix, aside[..., None])[..., 0]
     fan = across @ bench.curvature
     along = beam.along + fan[..., :1] * beam.x + fan[..., 1:] * beam.y
     facing = -np.einsum("nmi,ni->nm", along, facet.world_normal)
@@ -331,16 +336,15 @@ def add_diffraction(
     """Power and position after one edge has spread its light past the detector's window."""
     bench, beam, psd, states = facet.bench, facet.beam, facet.psd, facet.states
     world, surface = facet.turn @ edge, facet.world_normal
-    nodes, weights = np.polynomial.legendre.leggauss(64)
     far = 4 * REACH * np.sqrt(np.trace(bench.covariance))
-    along = far * (nodes + 1) / 2
+    along, _ = gauss_legendre(64, far)
     points = states[:, None, :3] + along[:, None] * world[:, None]
     bell, _, fan = incident_light(facet, points)
     facing = -np.einsum("nmi,ni->nm", fan, surface)
     bell *= facet.power * reflected[:, None] / facing
     flat = np.stack([world @ beam.x, world @ beam.y], axis=-1)
     stretch = np.linalg.norm(flat, axis=-1)
-    weight = bell * weights * far / 2
+    weight = bell * np.polynomial.legendre.leggauss(64)[1] * far / 2
     per_mm = weight.sum(axis=1) * stretch
     middle = (weight * along).sum(axis=1) / weight.sum(axis=1)
     on_edge = states[:, :3] + middle[:, None] * world

@@ -39,6 +39,7 @@ from facets.config.shipped_files import shipped
 from facets.core.units import Floats
 from facets.model.arrays import is_near_edge
 
+from .faults import add_light
 from .options import parse_options
 from .sensors import SENSORS
 
@@ -49,12 +50,13 @@ FLOOR = 1e-9
 class StressCase(NamedTuple):
     """Readings of states within an offset of apex and beam, mm, and tilts, rad.
 
-    start: errors of the starting pose (mm, mm in z, rad), None for zero.  noise: whether readings
-    have it.  allowed: error over standard uncertainty.  faintest: the power's noise, mW.
+    fraction: of the readings of this study.  start: errors of the starting pose (mm, mm in z,
+    rad), None for zero.  noise: whether readings have it.  allowed: error over standard
+    uncertainty.  faintest: the power's noise, mW.
     """
 
     name: str
-    share: float
+    fraction: float
     offset: float
     angle: float
     start: tuple[float, float, float] | None = None
@@ -97,12 +99,10 @@ def stress(case: StressCase, sensor: facets.Sensor, count: int, rng: Rng) -> Cou
         size = np.array([across, across, along, angle, angle, angle, across, across])
         start = truth + rng.uniform(-size, size, truth.shape)
     solution = facets.solve(sensor, readings, start=start, threads=0)
-    ok = solution.ok
-    allowed = np.maximum(case.allowed * solution.uncertainty[ok], FLOOR)
-    wrong = (np.abs(solution.state[ok] - truth[ok]) > allowed).any(axis=1)
-    edge = is_near_edge(sensor, readings[ok]).any(axis=1)
-    return Counter(draws=count, ok=int(ok.sum()), wrong=int((wrong & ~edge).sum()),
-                   edge=int((wrong & edge).sum()))  # fmt: skip
+    allowed = np.maximum(case.allowed * solution.uncertainty, FLOOR)
+    wrong = solution.ok & (np.abs(solution.state - truth) > allowed).any(axis=1)
+    edge = is_near_edge(sensor, readings).any(axis=1)
+    return count_each(ok=solution.ok, wrong=wrong & ~edge, edge=wrong & edge)
 
 
 #: Allowance factor for noise and for `facets.unseen_errors` being a first-order estimate.
@@ -124,20 +124,19 @@ KNOWLEDGE: dict[str, tuple[float | None, float | None]] = {
 class Trouble(NamedTuple):
     """Disturbance of readings.
 
-    spoil: changes noisy readings (n, 9); returns them and the index of each reading's wrong value,
-    or None.  near_edges: whether each state has a spot that meets an edge.  cut: whether edges
-    cut the spots.  aware: whether the solver models that.
+    fraction: of the readings of this study.  corrupt: changes noisy readings (n, 9); returns them
+    and the index of each reading's wrong value, or None.  cut: whether each state has a spot that
+    a detector's edge cuts.  aware: whether the solver models that.
     """
 
     name: str
-    share: float
-    spoil: Callable[[facets.Sensor, Floats, Rng], tuple[Floats, Any]]
-    near_edges: bool = False
+    fraction: float
+    corrupt: Callable[[facets.Sensor, Floats, Rng], tuple[Floats, Any]]
     cut: bool = False
     aware: bool = True
 
 
-def leave(_: facets.Sensor, readings: Floats, __: Rng) -> tuple[Floats, Any]:
+def keep(_: facets.Sensor, readings: Floats, __: Rng) -> tuple[Floats, Any]:
     return readings, None
 
 
@@ -148,32 +147,30 @@ def mask(_: facets.Sensor, readings: Floats, rng: Rng) -> tuple[Floats, Any]:
     return np.ma.masked_array(readings, hidden), None
 
 
-def spoil_one(sensor: facets.Sensor, readings: Floats, rng: Rng) -> tuple[Floats, Any]:
+def replace_one(sensor: facets.Sensor, readings: Floats, rng: Rng) -> tuple[Floats, Any]:
     """Replace one number of each reading by a random one from the detector's whole range."""
-    spoilt, rows = readings.copy(), np.arange(len(readings))
+    corrupted, rows = readings.copy(), np.arange(len(readings))
     which = rng.integers(0, 9, len(readings))
     sizes = np.array([(psd.size_y / 2, psd.size_z / 2, sensor.beam.power) for psd in sensor.psds])
-    least = np.where(which % 3 == 2, 0.0, -1.0)
-    spoilt[rows, which] = sizes.ravel()[which] * rng.uniform(least, 1.0)
-    return spoilt, which
+    low = np.where(which % 3 == 2, 0.0, -1.0)
+    corrupted[rows, which] = sizes.ravel()[which] * rng.uniform(low, 1.0)
+    return corrupted, which
 
 
 TROUBLES = [
-    Trouble("noise; spots past edges", 0.15, leave),
+    Trouble("noise; spots past edges", 0.15, keep),
     Trouble("one number masked", 0.1, mask),
-    Trouble("one number spoilt", 0.2, spoil_one),
-    Trouble("spots cut by edges", 0.05, leave, near_edges=True, cut=True),
-    Trouble(
-        "spots cut; the model has no edges", 0.05, leave, near_edges=True, cut=True, aware=False
-    ),
+    Trouble("one number corrupted", 0.2, replace_one),
+    Trouble("spots cut by edges", 0.05, keep, cut=True),
+    Trouble("spots cut; the model has no edges", 0.05, keep, cut=True, aware=False),
 ]
 
 
 def add_bench_light(sensor: facets.Sensor, polarised: bool) -> facets.Sensor:
     """Give a sensor the light of configs/bench-light.yaml, with background scaled by its power."""
     bench = facets.load("bench-light").sensor
-    share = sensor.beam.power / bench.beam.power
-    a, b, c = ((share * power, x, y) for power, x, y in bench.light.background)
+    ratio = sensor.beam.power / bench.beam.power
+    a, b, c = ((ratio * power, x, y) for power, x, y in bench.light.background)
     light = replace(
         bench.light,
         background=(a, b, c),
@@ -193,33 +190,29 @@ def draw_states(
 ) -> Floats:
     """Sample states inside, at and beyond the range's rim; `sigma` is that of the beam, mm."""
     offset = 0.4 * max(sensor.beam.diameter_x, sensor.beam.diameter_y)
-    many = draw_around(offset, 0.03, 12 * count if trouble.near_edges else count, rng)
+    many = draw_around(offset, 0.03, 12 * count if trouble.cut else count, rng)
     many[:, 2] *= 1.2
     many[:, :2] -= many[:, 6:]
-    if not trouble.near_edges:
+    if not trouble.cut:
         many[:, :6] *= np.sqrt(rng.random((len(many), 1)))
     many[:, 6:] = sigma * rng.standard_normal((len(many), 2))
     many[:, :2] += many[:, 6:]
-    if trouble.near_edges:
-        least = facets.margins(sensor, many)[..., :4].min(axis=(1, 2))
-        many = many[(least < 0.2) & (least > -1.2)][:count]
+    if trouble.cut:
+        margin = facets.margins(sensor, many)[..., :4].min(axis=(1, 2))
+        many = many[(margin < 0.2) & (margin > -1.2)][:count]
     return many
 
 
-def readings_at_power(sensor: facets.Sensor, truth: Floats, share: Floats) -> Floats:
-    """Readings (n, 9) with the laser at a share (n, 1) of its power and other light unchanged."""
-    dark = replace(sensor.light, background=((0.0, 0.0, 0.0),) * 3)
-    exact = facets.readings(replace(sensor, light=dark), truth)
-    exact[:, 2::3] *= share
-    for k, (power, y, z) in enumerate(sensor.light.background):
-        of_spot, both = exact[:, 3 * k + 2], exact[:, 3 * k + 2] + power
-        exact[:, 3 * k] = (of_spot * exact[:, 3 * k] + power * y) / both
-        exact[:, 3 * k + 1] = (of_spot * exact[:, 3 * k + 1] + power * z) / both
-        exact[:, 3 * k + 2] = both
-    return exact
+def readings_at_power(sensor: facets.Sensor, truth: Floats, ratio: Floats) -> Floats:
+    """Readings (n, 9) with the laser's power multiplied by (n, 1), and other light unchanged."""
+    without = replace(sensor.light, background=((0.0, 0.0, 0.0),) * 3)
+    exact = facets.readings(replace(sensor, light=without), truth)
+    exact[:, 2::3] *= ratio
+    background = np.array(sensor.light.background)
+    return add_light(exact, background[:, 0], background[:, 1:])
 
 
-def knowledge_of(sensor: facets.Sensor, place: float | None, light: float | None) -> dict[str, Any]:
+def priors_of(sensor: facets.Sensor, place: float | None, light: float | None) -> dict[str, Any]:
     """Knowledge for `solve`: standard uncertainties of the beam's place, mm, and of its power."""
     power = sensor.beam.power
     return {
@@ -229,10 +222,10 @@ def knowledge_of(sensor: facets.Sensor, place: float | None, light: float | None
 
 
 def count_outcomes(
-    trouble: Trouble, sensor: facets.Sensor, known: str, count: int, rng: Rng
+    trouble: Trouble, sensor: facets.Sensor, knowledge: str, count: int, rng: Rng
 ) -> Counter[str]:
     """Count the outcomes of `count` readings of one sensor, wrong poses by what reveals them."""
-    place, light = KNOWLEDGE[known]
+    place, light = KNOWLEDGE[knowledge]
     real = sensor
     if trouble.cut:
         if sensor.light.on:
@@ -245,27 +238,30 @@ def count_outcomes(
         real, truth, 1 + (light or 0.0) * rng.standard_normal((len(truth), 1))
     )
     with np.errstate(invalid="ignore"):
-        readings, spoilt = trouble.spoil(sensor, facets.add_noise(real, exact, rng), rng)
-    knowledge = knowledge_of(sensor, place, light)
+        readings, corrupted = trouble.corrupt(sensor, facets.add_noise(real, exact, rng), rng)
+    priors = priors_of(sensor, place, light)
     solver = real if trouble.aware else sensor
-    solution = facets.solve(solver, readings, threads=0, **knowledge)
-    pose = solution.converged
+    solution = facets.solve(solver, readings, threads=0, **priors)
     off = np.abs(solution.state - truth) / np.maximum(solution.uncertainty, FLOOR)
-    wrong = pose & (off.max(axis=1, initial=0.0) > WRONG)
-    seen = wrong & solution.misfit
-    left = wrong & ~seen
+    wrong = solution.converged & (off.max(axis=1, initial=0.0) > WRONG)
+    silent = wrong & ~solution.misfit
     unseen = np.zeros(len(truth), bool)
-    if spoilt is not None and left.any():
-        reach = facets.unseen_errors(solver, solution.state[left], **knowledge)
-        reach = np.maximum(reach, facets.unseen_errors(solver, truth[left], **knowledge))
-        bound = reach[np.arange(len(reach)), spoilt[left]]
-        unseen[left] = off[left].max(axis=1) <= SECOND_ORDER * (bound + WRONG)
-    edges = left & is_near_edge(solver, np.ma.filled(readings, np.nan)).any(axis=1)
-    return Counter(
-        draws=len(truth), poses=int(pose.sum()), wrong=int(wrong.sum()), misfit=int(seen.sum()),
-        unseen=int(unseen.sum()), edge=int((edges & ~unseen).sum()),
-        nothing=int((left & ~unseen & ~edges).sum()),
+    if corrupted is not None and silent.any():
+        bounds = np.maximum(*(facets.unseen_errors(solver, states[silent], **priors)
+                              for states in (solution.state, truth)))  # fmt: skip
+        bound = bounds[np.arange(len(bounds)), corrupted[silent]]
+        unseen[silent] = off[silent].max(axis=1) <= SECOND_ORDER * (bound + WRONG)
+    edges = silent & ~unseen & is_near_edge(solver, np.ma.filled(readings, np.nan)).any(axis=1)
+    return count_each(
+        poses=solution.converged, wrong=wrong, misfit=wrong & solution.misfit, unseen=unseen,
+        edge=edges, nothing=silent & ~unseen & ~edges,
     )  # fmt: skip
+
+
+def count_each(**outcomes: Any) -> Counter[str]:
+    """Count the readings of each outcome, given as Booleans (n,), and all as draws."""
+    counts = {name: int(rows.sum()) for name, rows in outcomes.items()}
+    return Counter(draws=len(next(iter(outcomes.values()))), **counts)
 
 
 def main() -> None:
@@ -278,18 +274,18 @@ def main() -> None:
             for sensors in (asymmetric, every)
         )
     for case in CASES:
-        each = int(options.draws * case.share / len(asymmetric))
+        each = int(options.draws * case.fraction / len(asymmetric))
         total = Counter[str]()
         for sensor in asymmetric:
             total.update(stress(case, sensor, each, rng))
         print_counts(case.name, total)
     for trouble in TROUBLES:
-        each = max(1, round(options.draws * trouble.share / len(KNOWLEDGE) / len(every)))
-        for known in KNOWLEDGE:
+        each = max(1, round(options.draws * trouble.fraction / len(KNOWLEDGE) / len(every)))
+        for knowledge in KNOWLEDGE:
             total = Counter[str]()
             for sensor in every:
-                total.update(count_outcomes(trouble, sensor, known, each, rng))
-            print_counts(f"{trouble.name:34} {known}", total)
+                total.update(count_outcomes(trouble, sensor, knowledge, each, rng))
+            print_counts(f"{trouble.name:34} {knowledge}", total)
 
 
 def print_counts(name: str, counts: Counter[str]) -> None:

@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from flint import arb, arb_mat
+from numpy.typing import NDArray
 
 from ..core.units import Floats
-from ..scalars.intervals import Interval, ends, hull, interval, magnitude
+from ..scalars.intervals import Interval, ends, interval, magnitude
 
-Matrix = list[list[Interval]]
+#: An array of intervals; NumPy calls the operators of its elements.
+Intervals = NDArray[Any]
 
+#: The smallest interval that contains two, and the largest absolute value, for each element.
+UNION, MAGNITUDE = np.frompyfunc(arb.union, 2, 1), np.frompyfunc(magnitude, 1, 1)
 #: A bound of the rounding errors in a sum of a few floats.
 ROUNDED = 1e-12
 
 
-def hull_of_matrices(matrices: list[Matrix]) -> Matrix:
-    """The smallest interval matrix that contains all the given ones, which have the same shape."""
-    rows, columns = len(matrices[0]), len(matrices[0][0])
-    return [[hull(m[i][j] for m in matrices) for j in range(columns)] for i in range(rows)]
+def hull_of_arrays(arrays: Sequence[Intervals]) -> Intervals:
+    """The smallest array of intervals that contains all of some arrays of one shape."""
+    hull: Intervals = UNION.reduce(arrays)
+    return hull
 
 
-def middles(matrix: Matrix) -> Floats:
+def middles(matrix: Intervals) -> Floats:
     return np.array([[float(x.mid()) for x in row] for row in matrix])
 
 
-def determinant(matrix: Matrix) -> Interval:
+def determinant(matrix: Intervals) -> Interval:
     """The determinant of an interval matrix, preconditioned with its midpoint's inverse."""
     middle = middles(matrix)
     if not np.isfinite(middle).all() or np.linalg.matrix_rank(middle) < len(middle):
         return interval(-np.inf, np.inf)
     inverse = arb_mat(np.linalg.inv(middle).tolist())
-    return (inverse * arb_mat(matrix)).det() / inverse.det()
+    return (inverse * arb_mat(matrix.tolist())).det() / inverse.det()
 
 
 def distance_from_zero(x: Interval) -> float:
@@ -41,7 +48,7 @@ def distance_from_zero(x: Interval) -> float:
     return max(low, -high, 0.0)
 
 
-def determinant_bound(matrix: Matrix, slope: float, margin: float = 0.0) -> float:
+def determinant_bound(matrix: Intervals, slope: float, margin: float = 0.0) -> float:
     """A lower bound of |det| times a slope that is not negative; 0 if none is found.
 
     margin: the result of `regularity`, if it is known: no eigenvalue of C M is further than 1 -
@@ -54,7 +61,7 @@ def determinant_bound(matrix: Matrix, slope: float, margin: float = 0.0) -> floa
     return float(np.nextafter(bound * max(slope, 0.0), 0.0))
 
 
-def regularity(matrix: Matrix) -> tuple[float, Floats, Floats]:
+def regularity(matrix: Intervals) -> tuple[float, Floats, Floats]:
     """The margin by which |1 - C M| shrinks a positive vector, for every M in the intervals.
 
     If it is above 0, every matrix in the intervals is regular. Returns the margin, rounded down, C
@@ -65,13 +72,11 @@ def regularity(matrix: Matrix) -> tuple[float, Floats, Floats]:
     if not np.isfinite(middle).all():
         return -np.inf, np.zeros_like(middle), np.ones(size)
     inverse = np.linalg.pinv(middle)
-    left = arb_mat(inverse.tolist()) * arb_mat(matrix)
-    apart: Floats = np.array(
-        [[magnitude(left[i, j] - (i == j)) for j in range(size)] for i in range(size)]
-    )
+    product = arb_mat(inverse.tolist()) * arb_mat(matrix.tolist())
+    distances = MAGNITUDE(np.array(product.tolist()) - np.eye(size, dtype=int)).astype(float)
     vector: Floats = np.ones(size)
     for _ in range(200):
-        vector = apart @ vector + 1e-9 * vector.max()
+        vector = distances @ vector + 1e-9 * vector.max()
         vector /= vector.max()
-    margin = float(1 - (apart @ vector / vector).max()) - ROUNDED
+    margin = float(1 - (distances @ vector / vector).max()) - ROUNDED
     return margin, np.asarray(inverse), vector

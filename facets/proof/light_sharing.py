@@ -14,26 +14,17 @@ of this takes only exp and erfc of each edge. docs/uniqueness.md has the theorem
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
+import numpy as np
 from flint import arb
 
 from ..optics.forward import Geometry, Scene, project_to_sigmas
 from ..optics.gradient import edge_turns
 from ..optics.vectors import Vector, dot
-from ..scalars.intervals import (
-    Interval,
-    ends,
-    hull,
-    interval,
-    magnitude,
-    nonnegative_product,
-    square,
-)
-
-Plane = tuple[Interval, Interval]
+from ..scalars.intervals import Interval, ends, interval, magnitude, nonnegative_product, square
+from .interval_matrix import UNION, Intervals, hull_of_arrays
 
 #: Number of slices of each facet's angle, and the further slices for each square sigma of the
 #: apex's offset, since the light on the slices then differs more.
@@ -53,21 +44,19 @@ class SharingBounds(NamedTuple):
     """Bounds over a box of rotations, wherever each facet has its least share of the light.
 
     from_point: (3, 2) the centroid of each facet's light less the apex, sigmas.  turns: (3, 2, 3)
-    the derivative of `from_point` by roll, pitch and yaw at fixed shares, sigmas per rad.  offset:
-    (2,) of the apex from the beam's centre, sigmas.  slope: the determinant of two shares by the
-    offset, per square sigma.
+    the derivative of `from_point` by roll, pitch and yaw at fixed shares, sigmas per rad.  slope:
+    the determinant of the derivatives of two shares by the apex's offset, per square sigma.
     """
 
-    from_point: list[list[Interval]]
-    turns: list[list[list[Interval]]]
-    offset: list[Interval]
+    from_point: Intervals
+    turns: Intervals
     slope: Interval
 
 
 class HalfLine(NamedTuple):
     """A half-line over a small box: its direction u, its light L, rho = K / L, eta = J / K."""
 
-    u: Plane
+    u: Intervals
     light: Interval
     mean: Interval
     reach: Interval
@@ -77,10 +66,10 @@ class FacetLight(NamedTuple):
     """A facet's share of the beam, and its light's centroid less the apex, sigmas."""
 
     mass: Interval
-    from_point: Plane
+    from_point: Intervals
 
 
-def cross_product(u: Plane, v: Plane) -> Interval:
+def cross_product(u: Intervals, v: Intervals) -> Interval:
     return u[0] * v[1] - u[1] * v[0]
 
 
@@ -95,15 +84,14 @@ def means_along(a: Interval) -> tuple[Interval, Interval, Interval]:
     return beyond, mean, 1 / mean - a
 
 
-def half_line(q: Plane, u: Plane) -> HalfLine:
+def half_line(q: Intervals, u: Intervals) -> HalfLine:
     """The half-line from q along u.
 
     Both means decrease with a: a larger a weighs light by a factor that falls with distance.
     """
-    a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
-    most, least = means_along(a.lower()), means_along(a.upper())
-    beyond, mean, reach = (x.union(y) for x, y in zip(least, most, strict=True))
-    light = nonnegative_product((-square(h) / 2).exp(), beyond) / ROOT_8_PI
+    a = q @ u
+    beyond, mean, reach = UNION(means_along(a.upper()), means_along(a.lower()))
+    light = nonnegative_product((-square(cross_product(q, u)) / 2).exp(), beyond) / ROOT_8_PI
     return HalfLine(u, light, mean, reach)
 
 
@@ -113,7 +101,7 @@ class FacetEdges(NamedTuple):
 
     angles: list[Interval]
     openings: list[Interval]
-    turns: list[list[Interval]]
+    turns: Intervals
 
 
 def facet_edges(geometry: Geometry, at: Scene, axes: Any) -> FacetEdges:
@@ -124,41 +112,41 @@ def facet_edges(geometry: Geometry, at: Scene, axes: Any) -> FacetEdges:
     if not all(0 < part < arb.pi() for part in openings):
         raise LightNotShared
     turns = [[dot(turn, axis) for axis in axes] for turn in edge_turns(geometry, at)]
-    return FacetEdges(angles, openings, turns)
-
-
-def light_on_facets(edges: FacetEdges, q: Plane) -> list[FacetLight]:
-    return [light_between(q, edges.angles[k], edges.openings[k]) for k in range(3)]
+    return FacetEdges(angles, openings, np.array(turns))
 
 
 def bounds_at_fixed_shares(edges: FacetEdges, least: float) -> SharingBounds:
     """Bounds for all offsets at which each facet has at least the share `least`."""
     distance = farthest_offset(edges, least)
-    far = interval(-distance, distance)
     pieces: list[SharingBounds] = []
-    todo = [((far, far), 0)]
+    todo = [(np.array([interval(-distance, distance)] * 2), 0)]
     while todo:
         q, depth = todo.pop()
-        lights = light_if_enough(edges, q, least)
-        if lights is None:
+        lights = light_on_facets(edges, q, least)
+        if len(lights) < 3:
             continue
-        sharp = all(light.mass.lower() > SHARP_SHARE * light.mass.upper() for light in lights)
-        if sharp or depth == MAX_QUARTERINGS:
+        if depth == MAX_QUARTERINGS or are_sharp(lights):
             pieces.append(bounds_near(edges, [limit_light(light, least) for light in lights], q))
         else:
-            todo += [(part, depth + 1) for part in product(halve(q[0]), halve(q[1]))]
+            todo += [(part, depth + 1) for part in quarters(q)]
     return hull_of_bounds(pieces)
 
 
-def light_if_enough(edges: FacetEdges, q: Plane, least: float) -> list[FacetLight] | None:
-    """The light on the facets over a box of offsets; None if a facet has less than its share."""
+def light_on_facets(edges: FacetEdges, q: Intervals, least: float = 0.0) -> list[FacetLight]:
+    """The light on the facets over a box of offsets, up to the first one that has less than the
+    share `least`."""
     lights = []
-    for k in range(3):
-        light = light_between(q, edges.angles[k], edges.openings[k])
+    for angle, opening in zip(edges.angles, edges.openings, strict=True):
+        light = light_between(q, angle, opening)
         if light.mass.upper() < least:
-            return None
+            break
         lights.append(light)
     return lights
+
+
+def are_sharp(lights: list[FacetLight]) -> bool:
+    """Whether the bounds of all shares are so close that a box needs no quartering."""
+    return all(light.mass.lower() > SHARP_SHARE * light.mass.upper() for light in lights)
 
 
 def limit_light(light: FacetLight, least: float) -> FacetLight:
@@ -199,29 +187,21 @@ def least_sine(opening: Interval) -> Interval:
     return arb(1) if opening <= right else opening.upper().sin()
 
 
-def least_share_over(edges: FacetEdges, q: Plane, depth: int = 0) -> float:
+def least_share_over(edges: FacetEdges, q: Intervals, depth: int = 0) -> float:
     """A lower bound of the three shares over a box of offsets."""
     lights = light_on_facets(edges, q)
-    if all(light.mass.lower() > SHARP_SHARE * light.mass.upper() for light in lights):
+    if are_sharp(lights):
         return min(ends(light.mass)[0] for light in lights)
     if depth == MAX_QUARTERINGS:
         return 0.0
-    parts = product(halve(q[0]), halve(q[1]))
-    return min(least_share_over(edges, part, depth + 1) for part in parts)
+    return min(least_share_over(edges, part, depth + 1) for part in quarters(q))
 
 
 def hull_of_bounds(pieces: list[SharingBounds]) -> SharingBounds:
     """Return the hull of the bounds of several boxes."""
     if not pieces:
         raise LightNotShared
-    return SharingBounds(*map(hull_of_each, zip(*pieces, strict=True)))
-
-
-def hull_of_each(several: Sequence[Any]) -> Any:
-    """The hull of intervals; for lists of one shape, the hulls of corresponding elements."""
-    if isinstance(several[0], list):
-        return [hull_of_each(parts) for parts in zip(*several, strict=True)]
-    return hull(several)
+    return SharingBounds(*map(hull_of_arrays, zip(*pieces, strict=True)))
 
 
 def edge_angle(geometry: Geometry, edge: Vector) -> Interval:
@@ -231,14 +211,19 @@ def edge_angle(geometry: Geometry, edge: Vector) -> Interval:
     return arb.atan2(s, c) + arb.atan2(c * y - s * x, c * x + s * y)
 
 
-def direction_at(angle: Interval) -> Plane:
-    return angle.cos(), angle.sin()
+def direction_at(angle: Interval) -> Intervals:
+    return np.array([angle.cos(), angle.sin()])
 
 
-def halve(whole: Interval) -> list[Interval]:
-    low, high = ends(whole)
+def halve(side: Interval) -> list[Interval]:
+    low, high = ends(side)
     middle = (low + high) / 2
     return [interval(low, middle), interval(middle, high)]
+
+
+def quarters(q: Intervals) -> list[Intervals]:
+    """The four quarters of a box of offsets."""
+    return [np.array(part) for part in product(*map(halve, q))]
 
 
 def opening(first: Interval, second: Interval) -> Interval:
@@ -247,26 +232,21 @@ def opening(first: Interval, second: Interval) -> Interval:
     return second - first - 2 * arb.pi() * turns
 
 
-def offset_moves(
-    edges: FacetEdges, sides: list[HalfLine], alpha: list[Interval]
-) -> list[list[Interval]]:
+def offset_moves(edges: FacetEdges, sides: list[HalfLine], alpha: list[Interval]) -> Intervals:
     """The change dq (2, 3) with the three angles at fixed shares.  alpha: weights of the edges."""
-    u = [side.u for side in sides]
     resistance = sum(alpha[e] / sides[e].light for e in range(3))
-    dq = [[arb(0)] * 3, [arb(0)] * 3]
-    for j in range(3):
-        swept = sum(alpha[e] * sides[e].mean * edges.turns[e][j] for e in range(3)) / resistance
-        w = [swept / sides[e].light - sides[e].mean * edges.turns[e][j] for e in range(2)]
-        for i in range(2):
-            dq[i][j] = (w[0] * u[1][i] - w[1] * u[0][i]) / cross_product(u[0], u[1])
-    return dq
+    swept = sum(alpha[e] * sides[e].mean * edges.turns[e] for e in range(3)) / resistance
+    first, second = (swept / sides[e].light - sides[e].mean * edges.turns[e] for e in range(2))
+    u, v = sides[0].u, sides[1].u
+    moves: Intervals = (np.outer(first, v) - np.outer(second, u)).T / cross_product(u, v)
+    return moves
 
 
-def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> SharingBounds:
+def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Intervals) -> SharingBounds:
     """The bounds of `bounds_at_fixed_shares` for a small box of q."""
     u = [direction_at(angle) for angle in edges.angles]
     sides = [half_line(q, side) for side in u]
-    alpha = [cross_product(u[(e + 1) % 3], u[(e + 2) % 3]) for e in range(3)]
+    alpha = [cross_product(u[e - 2], u[e - 1]) for e in range(3)]
     dq = offset_moves(edges, sides, alpha)
     moved = [centroid_moves(dq, sides, lights[k], edges.turns, k) for k in range(3)]
     on = [side.light for side in sides]
@@ -274,41 +254,34 @@ def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> Sharin
         nonnegative_product(nonnegative_product(on[e], on[e - 1]), cross_product(u[e - 1], u[e]))
         for e in range(3)
     )
-    return SharingBounds([list(light.from_point) for light in lights], moved, list(q), slope)
+    return SharingBounds(np.array([light.from_point for light in lights]), np.array(moved), slope)
 
 
-def light_between(q: Plane, start: Interval, opening: Interval) -> FacetLight:
+def light_between(q: Intervals, start: Interval, opening: Interval) -> FacetLight:
     """The light of a facet, by slices of its angle: light per angle is K, mean distance J / K."""
-    mass, x, y = arb(0), arb(0), arb(0)
+    mass, moment = arb(0), np.array([arb(0), arb(0)])
     slices = SLICES + int(SLICES_PER_SQUARE_SIGMA * (magnitude(q[0]) ** 2 + magnitude(q[1]) ** 2))
     for n in range(slices):
-        u = direction_at(start + opening * interval(arb(n) / slices, arb(n + 1) / slices))
-        ray = half_line(q, u)
+        ray = half_line(
+            q, direction_at(start + opening * interval(arb(n) / slices, arb(n + 1) / slices))
+        )
         light = nonnegative_product(ray.light, ray.mean)
         mass += light
-        x += light * ray.reach * u[0]
-        y += light * ray.reach * u[1]
-    return FacetLight(mass * opening / slices, (x / mass, y / mass))
+        moment = moment + light * ray.reach * ray.u
+    return FacetLight(mass * opening / slices, moment / mass)
 
 
 def centroid_moves(
-    dq: list[list[Interval]],
-    sides: list[HalfLine],
-    light: FacetLight,
-    turns: list[list[Interval]],
-    k: int,
-) -> list[list[Interval]]:
+    dq: Intervals, sides: list[HalfLine], light: FacetLight, turns: Intervals, k: int
+) -> Intervals:
     """The derivative of the centroid of facet k less the apex by the three angles: (2, 3)."""
-    first, second = sides[k], sides[(k + 1) % 3]
-    moved = [[arb(0)] * 3, [arb(0)] * 3]
-    for j in range(3):
-        length = (arb(magnitude(dq[0][j])) ** 2 + arb(magnitude(dq[1][j])) ** 2).sqrt()
-        within = interval(-length, length) / 2
-        for i in range(2):
-            by_first = first.light * first.mean * (first.reach * first.u[i] - light.from_point[i])
-            by_second = (
-                second.light * second.mean * (second.reach * second.u[i] - light.from_point[i])
-            )
-            turned = by_second * turns[(k + 1) % 3][j] - by_first * turns[k][j]
-            moved[i][j] = turned / light.mass - dq[i][j] / 2 + within
-    return moved
+    next_ = (k + 1) % 3
+    by_first, by_second = (
+        side.light * side.mean * (side.reach * side.u - light.from_point)
+        for side in (sides[k], sides[next_])
+    )
+    turned = np.outer(by_second, turns[next_]) - np.outer(by_first, turns[k])
+    lengths = [(arb(magnitude(x)) ** 2 + arb(magnitude(y)) ** 2).sqrt() for x, y in dq.T]
+    within = np.array([interval(-length, length) for length in lengths]) / 2
+    moves: Intervals = turned / light.mass - dq / 2 + within
+    return moves

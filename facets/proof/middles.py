@@ -14,13 +14,17 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from flint import arb
 
 from ..characterization.state_box import StateBox
 from ..core.units import Floats
 from ..optics.forward import Geometry
-from ..scalars.intervals import Interval
-from .interval_matrix import Matrix, determinant_bound, hull_of_matrices, middles, regularity
+from .interval_matrix import (
+    Intervals,
+    determinant_bound,
+    hull_of_arrays,
+    middles,
+    regularity,
+)
 from .light_sharing import SharingBounds
 from .pieces import ProvedPiece, cut_in_two, initial_pieces, proved_piece, share_levers
 from .spot_jacobian import Centred, centred_jacobian, intervals_between
@@ -41,16 +45,10 @@ class AffineJacobian(NamedTuple):
         """Return the numbers for a certificate's file; a checker recomputes everything else."""
         return {name: values.tolist() for name, values in self._asdict().items()}
 
-    def evaluate(self, pose: Sequence[Interval]) -> Matrix:
-        off = [side - float(x) for side, x in zip(pose, self.place, strict=True)]
-        return [
-            [
-                arb(float(self.value[i, j]))
-                + sum(arb(float(self.slopes[m, i, j])) * off[m] for m in range(6))
-                for j in range(6)
-            ]
-            for i in range(6)
-        ]
+    def evaluate(self, pose: Intervals) -> Intervals:
+        """The matrix (6, 6) over a box of poses (6,)."""
+        matrix: Intervals = self.value + np.tensordot(self.slopes, pose - self.place, (0, 0))
+        return matrix
 
 
 class ByMiddles(NamedTuple):
@@ -63,7 +61,7 @@ class ByMiddles(NamedTuple):
     """
 
     affine: AffineJacobian
-    rest: Matrix
+    rest: Intervals
     pieces: list[ProvedPiece]
     margin: float
 
@@ -78,14 +76,14 @@ def prove_by_middles(
     """Prove regularity.  jacobians: over pieces that fill the box.  slope: a lower bound of the
     powers' slope."""
     affine = affine_part(geometry, shares, box)
-    rest = hull_of_matrices([affine_remainder(affine, jacobian) for jacobian in jacobians])
+    rest = hull_of_arrays([affine_remainder(affine, jacobian) for jacobian in jacobians])
     pieces: list[ProvedPiece] = []
     margin, todo = 1.0, [(*piece, 0) for piece in initial_pieces(box)]
     for _ in range(MOST_PIECES):
         if not todo:
             return ByMiddles(affine, rest, pieces, margin)
         low, high, depth = todo.pop()
-        matrix = add_matrices(affine.evaluate(intervals_between(low, high)), rest)
+        matrix = affine.evaluate(intervals_between(low, high)) + rest
         margin_of_piece = regularity(matrix)[0]
         if margin_of_piece > 0:
             margin = min(margin, margin_of_piece)
@@ -106,24 +104,8 @@ def affine_part(geometry: Geometry, shares: SharingBounds, box: StateBox) -> Aff
     return AffineJacobian(place, middles(jacobian.middle), slopes)
 
 
-def affine_remainder(affine: AffineJacobian, jacobian: Centred) -> Matrix:
+def affine_remainder(affine: AffineJacobian, jacobian: Centred) -> Intervals:
     """Return the difference between the Jacobian and L over a piece."""
-    at = affine.evaluate(jacobian.place)
-    return [
-        [
-            jacobian.middle[i][j]
-            - at[i][j]
-            + sum(
-                (jacobian.slopes[m][i][j] - float(affine.slopes[m, i, j])) * jacobian.half[m]
-                for m in range(6)
-            )
-            for j in range(6)
-        ]
-        for i in range(6)
-    ]
-
-
-def add_matrices(a: Matrix, b: Matrix) -> Matrix:
-    return [
-        [x + y for x, y in zip(row, other, strict=True)] for row, other in zip(a, b, strict=True)
-    ]
+    slopes = np.tensordot(jacobian.slopes - affine.slopes, jacobian.half, (0, 0))
+    remainder: Intervals = jacobian.middle - affine.evaluate(jacobian.place) + slopes
+    return remainder

@@ -31,8 +31,8 @@ from ..optics.vectors import (
 )
 from ..scalars.dispatch import real
 from ..scalars.dual import Dual
-from ..scalars.intervals import Interval, interval, interval_around, magnitude
-from .interval_matrix import middles
+from ..scalars.intervals import Interval, interval, interval_around
+from .interval_matrix import MAGNITUDE, Intervals, middles
 from .light_sharing import SharingBounds
 
 
@@ -52,8 +52,8 @@ def interval_geometry(sensor: Sensor, tolerances: Sequence[float] | None = None)
     )
 
 
-def intervals_between(low: Any, high: Any) -> list[Interval]:
-    return [interval(float(a), float(b)) for a, b in zip(low, high, strict=True)]
+def intervals_between(low: Any, high: Any) -> Intervals:
+    return np.array([interval(float(a), float(b)) for a, b in zip(low, high, strict=True)])
 
 
 def dark_scene_over(geometry: Geometry, pose: Sequence[Interval]) -> Scene:
@@ -97,9 +97,7 @@ def sub_beam(geometry: Geometry, at: Scene, k: int, from_point: Sequence[Interva
     return SubBeam(normal, leaving, lever, start, length)
 
 
-def spot_jacobian(
-    geometry: Geometry, shares: SharingBounds, pose: Sequence[Interval]
-) -> list[list[Interval]]:
+def spot_jacobian(geometry: Geometry, shares: SharingBounds, pose: Sequence[Interval]) -> Intervals:
     """6 x 6 over a box of poses (6,): psi and zeta of A, B, C by apex and angles; mm and rad.
 
     shares: the light's bounds at fixed shares.  Raises `NotFacing`.
@@ -107,11 +105,11 @@ def spot_jacobian(
     at = dark_scene_over(geometry, pose)
     axes = rotation_axes(pose[4], pose[5])
     rays = [sub_beam(geometry, at, k, shares.from_point[k]) for k in range(3)]
-    return [
+    return np.array([
         gradient_of_spot(geometry, rays[k], axis, geometry.axes[k][0], shares.turns[k], axes)
         for k in range(3)
         for axis in geometry.axes[k][1:]
-    ]
+    ])  # fmt: skip
 
 
 class Centred(NamedTuple):
@@ -121,27 +119,21 @@ class Centred(NamedTuple):
     middle: at that pose, over the light's bounds.  slopes: (6, 6, 6) over the whole piece.
     """
 
-    place: list[Interval]
-    half: list[Interval]
-    middle: list[list[Interval]]
-    slopes: list[list[list[Interval]]]
+    place: Intervals
+    half: Intervals
+    middle: Intervals
+    slopes: Intervals
 
-    def whole(self) -> list[list[Interval]]:
-        """Return an enclosure of the Jacobian over the whole piece."""
-        return [
-            [
-                self.middle[i][j] + sum(self.slopes[m][i][j] * self.half[m] for m in range(6))
-                for j in range(6)
-            ]
-            for i in range(6)
-        ]
+    def over_piece(self) -> Intervals:
+        """Return an enclosure of the Jacobian (6, 6) over the whole piece."""
+        enclosure: Intervals = self.middle + np.tensordot(self.slopes, self.half, (0, 0))
+        return enclosure
 
     def levers(self) -> Floats:
         """The change (6,) of the Jacobian with each axis of the pose, over the Jacobian's own
         size."""
-        size = np.array([[[magnitude(x) for x in row] for row in slope] for slope in self.slopes])
         inverse = np.abs(np.linalg.pinv(middles(self.middle)))
-        moved: Floats = np.abs(inverse @ size).sum(axis=-1).max(axis=-1)
+        moved: Floats = (inverse @ MAGNITUDE(self.slopes).astype(float)).sum(axis=-1).max(axis=-1)
         return moved
 
 
@@ -154,16 +146,15 @@ def centred_jacobian(
     slope of the others by the apex is that of the first three by the angle.
     """
     pose = intervals_between(low, high)
-    place = [arb(float(x)) for x in (low + high) / 2]
-    half = [side - middle for side, middle in zip(pose, place, strict=True)]
+    place = np.array([arb(float(x)) for x in (low + high) / 2])
     middle = spot_jacobian(geometry, shares, place)
     angles = [Dual(pose[3 + j], unit_slope(j)) for j in range(3)]
     spot_jacobian(geometry, shares, pose)  # is every facet in it facing?
     carried = spot_jacobian(geometry, shares, [*place[:3], *angles])
-    by_angles = [[[slope_along(x, j) for x in row] for row in carried] for j in range(3)]
-    by_apex = [[[arb(0)] * 3 + [by_angles[j][i][m] for j in range(3)] for i in range(6)]
-               for m in range(3)]  # fmt: skip
-    return Centred(place, half, middle, [*by_apex, *by_angles])
+    by_angles = np.array([[[slope_along(x, j) for x in row] for row in carried] for j in range(3)])
+    by_apex = np.full((3, 6, 6), arb(0))
+    by_apex[:, :, 3:] = by_angles[:, :, :3].T
+    return Centred(place, pose - place, middle, np.concatenate([by_apex, by_angles]))
 
 
 def unit_slope(axis: int) -> NDArray[Any]:

@@ -34,7 +34,7 @@ from ..core.units import Floats
 from ..optics.forward import Geometry, project_to_sigmas
 from ..optics.vectors import rotation_axes
 from ..scalars.intervals import Interval, ends, interval, nonnegative_product
-from .interval_matrix import determinant_bound, hull_of_matrices, regularity
+from .interval_matrix import determinant_bound, hull_of_arrays, regularity
 from .light_sharing import (
     FacetEdges,
     LightNotShared,
@@ -198,7 +198,7 @@ def conclude(
 ) -> None:
     """Conclude uniqueness from the Jacobians over the pieces: by their hull, if that is regular,
     else by midpoints."""
-    whole = hull_of_matrices([jacobian.whole() for jacobian in jacobians])
+    whole = hull_of_arrays([jacobian.over_piece() for jacobian in jacobians])
     certificate.margin, certificate.inverse, certificate.weights = regularity(whole)
     bound = determinant_bound(whole, slope, certificate.margin)
     certificate.pieces = [p._replace(at_least=max(p.at_least, bound)) for p in certificate.pieces]
@@ -267,7 +267,7 @@ def examine_piece(
         jacobian = centred_jacobian(geometry, shares, low, high)
     except NotFacing:
         return None, 0.0
-    return jacobian, determinant_bound(jacobian.whole(), slope)
+    return jacobian, determinant_bound(jacobian.over_piece(), slope)
 
 
 def edges_over_rotations(geometry: Geometry, box: StateBox) -> list[FacetEdges]:
@@ -287,7 +287,8 @@ def edges_over_rotations(geometry: Geometry, box: StateBox) -> list[FacetEdges]:
 def least_share_in_box(geometry: Geometry, parts: list[FacetEdges], box: StateBox) -> float:
     """The least share that a facet has anywhere in the box, its offsets included; rounded down."""
     x, y, z = (interval(box.low[i], box.high[i]) for i in (6, 7, 2))
-    return min(least_share_over(edges, project_to_sigmas(geometry, (x, y, z))) for edges in parts)
+    offset = np.array(project_to_sigmas(geometry, (x, y, z)))
+    return min(least_share_over(edges, offset) for edges in parts)
 
 
 def divide_side(box: StateBox, axis: int, count: int) -> list[Interval]:

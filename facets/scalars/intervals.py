@@ -6,7 +6,6 @@ wider than necessary if a quantity occurs twice; that costs sharpness, never tru
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from math import inf, isfinite
 from typing import Any
 
@@ -24,14 +23,6 @@ def interval_around(value: float, off: float) -> Interval:
     if off == 0:
         return arb(value)
     return interval((arb(value) - arb(off)).lower(), (arb(value) + arb(off)).upper())
-
-
-def hull(parts: Iterable[Interval]) -> Interval:
-    """The smallest interval that holds all of the given ones."""
-    whole: Interval = None
-    for part in parts:
-        whole = part if whole is None else whole.union(part)
-    return whole
 
 
 def ends(x: Interval) -> tuple[float, float]:

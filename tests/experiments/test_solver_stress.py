@@ -1,4 +1,4 @@
-"""The short form of the study `solver_stress`: no wrong pose that nothing tells of."""
+"""The short form of the study `solver_stress`: no wrong pose that nothing reveals."""
 
 from collections import Counter
 
@@ -19,8 +19,8 @@ def test_no_wrong_pose_is_believed(trouble):
             total.update(solver_stress.count_outcomes(trouble, sensors[name], known, 200, rng))
     # a tail of a cut spot, a ten-thousandth of the light, can look like a whole one
     assert total["nothing"] <= (0 if trouble.aware else 2)
-    assert trouble.spoil is solver_stress.mask or total["poses"] > 10
-    if trouble.name == "one number spoilt":
+    assert trouble.corrupt is solver_stress.mask or total["poses"] > 10
+    if trouble.name == "one number corrupted":
         assert total["misfit"] > 1000
         assert total["unseen"] > 100
     elif trouble.aware:

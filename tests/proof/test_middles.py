@@ -91,7 +91,7 @@ def light():
 
 def test_jacobians_of_a_piece_lie_in_what_its_slopes_make_of_the_middle(light):
     low, high = np.array([1, -2, 0, 0.001, -0.004, 0]), np.array([2, 1, 4, 0.005, 0.004, 0.009])
-    whole, rng = centred_jacobian(*light, low, high).whole(), np.random.default_rng(2)
+    whole, rng = centred_jacobian(*light, low, high).over_piece(), np.random.default_rng(2)
     for _ in range(30):
         pose = [arb(float(x)) for x in low + rng.integers(0, 3, 6) / 2 * (high - low)]
         single = spot_jacobian(*light, pose)
@@ -108,9 +108,7 @@ def test_the_affine_part_may_be_anything(light):
     sizes = []
     for part in (affine, affine._replace(slopes=-affine.slopes)):
         rest = middles.affine_remainder(part, over)
-        whole = middles.add_matrices(
-            part.evaluate([intervals.interval(-x, x) for x in HALF / 2]), rest
-        )
+        whole = part.evaluate(np.array([intervals.interval(-x, x) for x in HALF / 2])) + rest
         sizes.append(sum(float(x.rad()) for row in rest for x in row))
         for row, exact in zip(whole, over.middle, strict=True):
             assert all(x.contains(y) for x, y in zip(row, exact, strict=True))

@@ -157,13 +157,13 @@ def test_what_is_not_so_is_never_certified(sensor, box, share, reason):
 
 
 def test_matrices_of_intervals():
-    eye = [[arb(float(i == j)) for j in range(6)] for i in range(6)]
+    eye = np.array([[arb(float(i == j)) for j in range(6)] for i in range(6)])
     margin, inverse, _ = regularity(eye)
     assert 0.9 < margin <= 1
     np.testing.assert_allclose(inverse, np.eye(6))
     assert distance_from_zero(determinant(eye)) == pytest.approx(1)
     for entry in (intervals.interval(-1, 1), arb("nan")):
-        eye[0][0] = entry
+        eye[0, 0] = entry
         assert not regularity(eye)[0] > 0
         assert distance_from_zero(determinant(eye)) == 0
     assert intervals.magnitude(arb("nan")) == np.inf
