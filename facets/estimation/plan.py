@@ -8,7 +8,7 @@ alone leaves more than the limit with a chance of `FALSE_ALARM_RATE`.
 from __future__ import annotations
 
 from math import hypot
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -133,24 +133,14 @@ def find_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
 def make_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
     floor = power_floor(sensor)
     light = np.stack([least_light(sensor), other_light(sensor) + problem.DARK_SIGMAS * floor])
-    limits = limits_under(sensor, floor, light, eight)
-    noise, light, usable = np.array(limits.noise), np.array(light), np.array(limits.usable)
-    return problem.ScreeningLimits(noise, light, usable, eight, np.array(limits.rounding))
-
-
-def limits_under(sensor: Sensor, floor: float, light: Any, eight: bool) -> problem.ScreeningLimits:
-    """The screening limits as plain numbers.
-
-    floor: of `power_floor`.  light: as in `problem.ScreeningLimits`.
-    """
     noise, cut = sensor.noise, edge_cut_width(sensor)
     distance = max(hypot(psd.radius, psd.height) for psd in sensor.psds)
     return problem.ScreeningLimits(
-        noise=(noise.position, noise.at_power, floor),
+        noise=np.array((noise.position, noise.at_power, floor)),
         light=light,
-        usable=tuple(usable_area(psd, cut) for psd in sensor.psds),
+        usable=np.array([usable_area(psd, cut) for psd in sensor.psds]),
         eight=eight,
-        rounding=(problem.ROUNDING * distance, problem.ROUNDING * sensor.beam.power),
+        rounding=problem.ROUNDING * np.array((distance, sensor.beam.power)),
     )
 
 

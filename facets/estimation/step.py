@@ -1,8 +1,8 @@
 """The damped Gauss-Newton iteration behind `facets.solve`: one step over numbers of any kind.
 
-No branch depends on a number, so that the text runs over floats as over numbers that write code
-(`block_code`); its loop calls `step` until the status ends it. A step of a state that has ended
-changes nothing.
+No branch depends on a number, so that the text runs over floats as over numbers that write code;
+its loop (`block_code`, and `solver.js` of a rig's page) calls `step` until the status ends it. A
+step of a state that has ended changes nothing.
 
 The unknowns are the eight components of the state and the beam's power; `free` lists those that are
 question for. A step of the beam's place takes the mirror along: what the readings tell of it then
@@ -294,16 +294,6 @@ def move(state: State, ready: Any, normal: Any, question: WeightedReading) -> St
         again=select(goes & sure, select(short, 1.0, 0.0), 1.0),
         status=select(goes, select(sure, select(short, last, GOING), lost), state.status),
     )
-
-
-def estimate(
-    start: Sequence[float], question: WeightedReading, status: int, linearise: Linearise
-) -> State:
-    """The loop for floats.  question, status: of `ask`."""
-    state = begin(start, question.form, status)
-    while state.status == GOING:
-        state = step(state, question, linearise)
-    return state
 
 
 def redundancy_of(end: State, question: WeightedReading, used: Sequence[Any]) -> Any:

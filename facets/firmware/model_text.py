@@ -23,7 +23,8 @@ from ..optics.gradient import edge_turns, linearise_detector
 from ..optics.vectors import rotation_axes
 from ..scalars.dual import Dual
 from ..scalars.nesting import leaves
-from .c_numbers import CONSTANT, CWriter, prune_statements
+from ..scalars.statements import CONSTANT
+from .c_numbers import CWriter
 
 
 class ModelText(NamedTuple):
@@ -58,15 +59,15 @@ def model_text(sensor: Sensor) -> ModelText:
             for c, slope in enumerate(slopes):
                 writer.put(f"found[{1 + row}][{c}]", slope)
             writer.put(f"found[{1 + row}][8]", power_derivative(vectors, values, k, i))
-    statements = prune_statements(writer.statements)
-    ends = CWriter(writer.functions)
+    statements = writer.needed_statements()
+    ends = CWriter(functions=writer.functions)
     if sensor.apertures.detectors:
         spots = footprints(geometry_of(sensor), ends.array("x", 8))
         for n, number in enumerate(leaves(spots)):
             ends.put(f"ends[{n // 5}][{n % 5}]", number)
-    functions = "\n\n".join(text for text, _ in writer.functions.values())
+    functions = "\n\n".join(writer.functions.values())
     operations = sum(map(bool, map(CONSTANT.match, statements)))
-    ends_text = "\n".join(prune_statements(ends.statements))
+    ends_text = "\n".join(ends.needed_statements())
     return ModelText("\n".join(statements), ends_text, functions, operations)
 
 
@@ -81,7 +82,7 @@ def linearise_widely(writer: CWriter, vectors: Geometry) -> list[Any]:
     The spots' positions are computed in wide numbers: over the detector's distance, single
     precision would round them by some 50 nm. The light and the derivatives do not need this.
     """
-    exact = writer.array("x", 8, wide=True)
+    exact = writer.wide_array("x", 8)
     standing = dark_scene(vectors, exact)
     at = illuminate(writer.narrow(standing))
     lit = replace_light(standing, at.integrals, at.moments)

@@ -24,12 +24,17 @@ from .threads import share
 
 def parameters(sensor: Sensor) -> tuple[float, ...]:
     """The sensor's 30 parameters in the order of `facets.PARAMETERS`; mm, rad, mW."""
+    return tuple(map(float, parameter_values(sensor)))
+
+
+def parameter_values(sensor: Any) -> list[Any]:
+    """The parameters as they are: numbers of any kind, of a sensor or an object like it."""
     values = [getattr(sensor.beam, name) for name in BEAM]
     for facet in sensor.facets:
         values += [getattr(facet, name) for name in FACET]
     for psd in sensor.psds:
         values += [getattr(psd, name) for name in PSD]
-    return tuple(float(value) for value in values)
+    return values
 
 
 def sensor_with(sensor: Sensor, p: Sequence[float]) -> Sensor:
@@ -44,12 +49,7 @@ def sensor_with(sensor: Sensor, p: Sequence[float]) -> Sensor:
 
 def geometry_of(sensor: Sensor) -> Geometry:
     """The sensor's vectors, in plain floats."""
-    return geometry_under(sensor, light_numbers(sensor) if sensor.light.on else None)
-
-
-def geometry_under(sensor: Sensor, numbers: dict[str, Any] | None) -> Geometry:
-    """The sensor's vectors under light with these `light_numbers`; None for ideal light."""
-    light = None if numbers is None else LightEffects(numbers, options(sensor))
+    light = light_effects(sensor) if sensor.light.on else None
     return build_geometry(parameters(sensor), openings(sensor), light)
 
 

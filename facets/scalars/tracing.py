@@ -1,11 +1,11 @@
-"""Numbers that record the operations on them, from which writers make code: LLVM's, or C.
+"""Numbers that record the operations on them, from which writers make LLVM's code, C or JavaScript.
 
 A formula of the optics, run once with such numbers, becomes straight code. `Tracer` has the
 functions that all writers share: it omits operations that need no instruction, and writes no
 instruction twice. A writer derives from it and writes the individual instructions:
 
 - `lanes.LaneWriter` LLVM's code for several poses at once, without branches;
-- `firmware.c_numbers.CWriter` C.
+- `statements.StatementWriter` C, or JavaScript.
 
 Operations come in the order of the formulas, and each rule gives the same bits as the operation
 that it replaces, except for two rules:
@@ -73,6 +73,9 @@ class Value:
 
     def __rtruediv__(self, other: Any) -> Any:
         return self.writer.divide(other, self)
+
+    def __pow__(self, exponent: int) -> Any:
+        return math.prod([self] * exponent)
 
     def __neg__(self) -> Any:
         return self.writer.negative(self)

@@ -1,7 +1,6 @@
 // Where the light goes at a state: what the scene and the faces draw.
 //
-// The rays are those of the optics (rays_hit, rays_reflect, rays_flight, rays_land and forward_dark_scene
-// of the generated model), so that what is drawn lies where the readings say. Lengths in mm; places
+// The rays are those of the optics (hit, reflect, flight, land and darkScene of the generated model), so that what is drawn lies where the readings say. Lengths in mm; places
 // across the beam in its sigmas, about the beam's centre.
 
 const Light = (() => {
@@ -14,10 +13,10 @@ const Light = (() => {
   function ray(geometry, at, k, x) {
     const origin = along(at.place, 1, spread(x, geometry.spread));
     const direction = along(geometry.direction, 1, spread(x, geometry.light.fan));
-    const start = rays_hit(origin, direction, at.apex, at.normals[k]);
-    const leaving = rays_reflect(direction, at.normals[k]);
-    const length = rays_flight(start, leaving, geometry.centres[k], geometry.axes[k]);
-    const spot = rays_land(start, leaving, length, geometry.centres[k], geometry.axes[k]);
+    const start = hit(origin, direction, at.apex, at.normals[k]);
+    const leaving = reflect(direction, at.normals[k]);
+    const length = flight(start, leaving, geometry.centres[k], geometry.axes[k]);
+    const spot = land(start, leaving, length, geometry.centres[k], geometry.axes[k]);
     return {origin, start, leaving, length, end: along(start, length, leaving), spot};
   }
 
@@ -75,8 +74,8 @@ const Light = (() => {
   //     toBeam(psi, zeta)          the place in the beam whose light falls there
   //     meets                      whether the facet faces the beam and its light the detector
   function drawing(geometry, state, rows = 9, columns = 25) {
-    const flat = forward_dark_scene(geometry, state);
-    const at = geometry.light.options.on ? curved_light_apparent_scene(geometry, flat) : flat;
+    const flat = darkScene(geometry, state);
+    const at = geometry.light.options.on ? apparentScene(geometry, flat) : flat;
     const radius = Math.min(2, geometry.openings.radius);
     const facets = [0, 1, 2].map((k) => {
       const central = ray(geometry, at, k, [0, 0]);
@@ -118,5 +117,26 @@ const Light = (() => {
     return u[0] * dy - u[1] * dx >= 0 && dx * v[1] - dy * v[0] >= 0;
   }
 
-  return {drawing, onFacet};
+  // The bodies of a sensor at rest:
+  //   mirror     its facets' normals, the angles of its edges about its axis (rad), its rim (mm)
+  //   detectors  centre, axes and half sizes (mm)
+  //   beam       direction, diameters and sigmas (mm), rotation (rad), power (mW), and the radius
+  //              (sigmas) at which an aperture ends it
+  function bodies({apertures, beam, psds}, {axes, centres, direction, normals, openings}) {
+    const {diameter_x, diameter_y, rotation, power} = beam, diameter = [diameter_x, diameter_y];
+    return {
+      mirror: {
+        normals, edges: mirrorEdges(normals).map(([x, y]) => Math.atan2(y, x)),
+        rim: Math.min(apertures.rim, RIM_MM),
+      },
+      detectors: psds.map(({size_y, size_z}, k) => (
+        {letter: "ABC"[k], centre: centres[k], axes: axes[k], half: [size_y / 2, size_z / 2]})),
+      beam: {
+        direction, diameter, sigma: diameter.map((each) => each / 4), rotation, power,
+        aperture: Math.min(openings.radius, 1e3),
+      },
+    };
+  }
+
+  return {bodies, drawing, onFacet};
 })();

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from functools import partial
 from importlib.resources import files
 from itertools import product
 from typing import Any, NamedTuple
@@ -17,7 +18,7 @@ from ...core.rules import Rules
 from ...core.sensor import Sensor
 from ...detectors import noise
 from ...estimation import doubts, plan, step
-from ...estimation.problem import Form
+from ...estimation.problem import ROUNDING, SCALES, Form
 from ...estimation.solution import Status
 from ...model import arrays
 from ...model.kinds import kind_of
@@ -32,64 +33,49 @@ from ...optics import (
     gradient,
     rays,
 )
-from . import clearance
-from .javascript import javascript, literal, name_of
-from .rig_data import bodies
+from ...optics.effects import LightEffects
+from ...scalars.dual import Dual
+from ..stills.scene import RIM_MM
+from .javascript import javascript, literal
 
 
 class Texts(NamedTuple):
-    """The optics' texts of one kind of light.
+    """The functions of the optics for one kind of light.
 
-    linearise: the derivatives with which the solver steps; None for the exact ones.  exact: what
-    makes those, for where the others leave terms out, as in `ExactText`.
+    readings: from vectors and a state.  exact: the exact derivatives; None for those of ideal
+    light.  nearly: derivatives with which the solver steps first, if there are any.
     """
 
     readings: Callable[..., Any]
-    linearise: Callable[..., Any] | None
-    exact: tuple[Callable[..., Any], ...] = ()
+    exact: exact_text.ExactText | None = None
+    nearly: Callable[..., Any] | None = None
 
 
-CUT = Texts(cut.readings, None, exact_text.CUT)
-#: Of ideal light, of truncated light, of a bench's light, and of both.
+#: The functions by whether apertures cut the light, and whether it is that of a bench.
 TEXTS: dict[tuple[bool, bool], Texts] = {
-    (False, False): Texts(forward.readings, gradient.linearise),
-    (True, False): CUT,
-    (False, True): Texts(bench_light.readings, bench_gradient.linearise_nearly, exact_text.BENCH),
-    (True, True): CUT,
+    (False, False): Texts(forward.readings),
+    (True, False): Texts(cut.readings, exact_text.CUT),
+    (False, True): Texts(bench_light.readings, exact_text.BENCH, bench_gradient.linearise_nearly),
+    (True, True): Texts(cut.readings, exact_text.CUT),
 }
-#: The functions with which `light.js` draws.
-DRAWN = (
-    forward.dark_scene,
-    curved_light.apparent_scene,
-    rays.hit,
-    rays.reflect,
-    rays.flight,
-    rays.land,
-)
-#: The functions that `solver.js` and the model call.
-SOLVED = (
-    arrays.geometry_under,
-    forward.replace_power,
-    plan.limits_under,
-    noise.simple_place_variance,
-    noise.simple_power_variance,
-    noise.two_layer_place_variance,
-    noise.two_layer_power_variance,
-    step.ask,
-    step.unknown_slopes,
-    step.estimate,
-    step.residual_of,
-    step.covariance_of,
-    footprint.footprints,
-    clearance.spot_clearance,
-    clearance.light_clearance,
-    clearance.fullness,
-    clearance.saturation_clearance,
-    gradient.linearise,
-    doubts.sample_sizes,
-    forward.sub_beam_height,
-    bodies,
-)
+#: Examples of arguments of functions, see `javascript.javascript`.
+NUMBER, VECTOR, STATE, NINE = 0.0, (0.0,) * 3, (0.0,) * 8, (0.0,) * 9
+MATRIX, DETECTORS = (VECTOR,) * 3, ((VECTOR, (STATE,) * 3),) * 3
+ELECTRONIC, SIMPLE = noise.TwoLayerNoise(*VECTOR), {"position": 0.0, "at_power": 0.0, "power": 0.0}
+#: The functions that `light.js`, `noise.js` and the model call, by their names there, with examples
+#: of their arguments.
+FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]] = {
+    "hit": (rays.hit, (VECTOR,) * 4),
+    "reflect": (rays.reflect, (VECTOR,) * 2),
+    "flight": (rays.flight, (VECTOR, VECTOR, VECTOR, MATRIX)),
+    "land": (rays.land, (VECTOR, VECTOR, NUMBER, VECTOR, MATRIX)),
+    "mirrorEdges": (forward.mirror_edges, (MATRIX,)),
+    "subBeamHeight": (forward.sub_beam_height, (NUMBER, NUMBER)),
+    "simplePlaceVariance": (noise.simple_place_variance, (SIMPLE, NUMBER)),
+    "simplePowerVariance": (noise.simple_power_variance, (SIMPLE, NUMBER)),
+    "twoLayerPlaceVariance": (noise.two_layer_place_variance, (*VECTOR, ELECTRONIC)),
+    "twoLayerPowerVariance": (noise.two_layer_power_variance, (NUMBER, ELECTRONIC)),
+}
 #: What can be known of beam and power.
 BEAM: tuple[BeamKnowledge, ...] = ("free", "known")
 POWER: tuple[PowerKnowledge, ...] = ("known", "unknown")
@@ -103,13 +89,14 @@ const Model = (() => {{
 {numbers}
 {texts}
 
-// The sensor as its configuration gives it, and the numbers of a bench's light; mm, rad, mW.
+// The sensor as its configuration gives it; mm, rad, mW.
 const NOMINAL = {sensor};
-const EFFECTS = {effects};
 const SOLVER = {solver};
-const RANGE = {range};
+const RANGE = {range}, RIM_MM = {rim};
+// The functions of an estimate, by the numbers of the unknowns after the pose.
+const ESTIMATORS = {{{estimators}}};
 // Readings with their derivatives by the state, of the kind with which the solver steps.
-const linearise = (geometry, state) => {linearise};
+const linearise = {linearise};
 // The same with nothing left out, for where steps stall; null where they leave out nothing.
 const lineariseExactly = {exactly};
 
@@ -119,10 +106,10 @@ const lineariseExactly = {exactly};
 {ranging}
 // The sensor at rest, as vectors, and what follows from it.
 let sensor, geometry, solver, ranges;
-const readings = (state) => {readings}(geometry, state).flat();
+const readings = (state) => detectorReadings(geometry, state).flat();
 function change(given) {{
   sensor = given;
-  geometry = arrays_geometry_under(sensor, EFFECTS);
+  geometry = vectors(sensor);
   solver = Solver.create(sensor, geometry);
   ranges = Ranges.create(sensor, geometry, readings);
 }}
@@ -138,9 +125,9 @@ return {{
   // What there is to draw at a state; see light.js.
   drawing: (state) => Light.drawing(geometry, state),
   onFacet: Light.onFacet,
-  // What rig_data.py writes of the sensor in use, and the height at which a sub-beam passes.
-  bodies: () => rig_data_bodies(sensor, geometry),
-  height: forward_sub_beam_height,
+  // The bodies of the sensor in use, see light.js, and the height at which a sub-beam passes.
+  bodies: () => Light.bodies(sensor, geometry),
+  height: subBeamHeight,
   // The pose from nine readings; see solver.js.
   solve: (values, options) => solver.solve(values, options),
   refusal: (options) => solver.refusal(options),
@@ -160,14 +147,14 @@ return {{
 """
 
 
-#: As `bench_gradient.linearise`, whose variables NumPy makes.
-EXACTLY = """(geometry, state) => {{
-  const at = {scene}(geometry, state);
-  const unit = (n) => state.map((_, c) => (c === n ? 1 : 0));
-  const variables = state.map((x, n) => new Dual(x, unit(n)));
-  const slopes = {slopes}(geometry, variables, at);
-  return zip({readings}(geometry, at), slopes);
-}}"""
+#: The exact derivatives by the state, as `bench_gradient.linearise`: one column after the other.
+EXACTLY = """(geometry, state) => {
+  const at = exactScene(geometry, state);
+  const units = state.map((_, n) => state.map((_, c) => (c === n ? 1 : 0)));
+  const columns = units.map((unit) => exactSlopes(geometry, state, unit, at));
+  return exactReadings(geometry, at).map((values, k) =>
+    [values, values.map((_, i) => columns.map((each) => each[k][i]))]);
+}"""
 
 
 def text_of(name: str) -> str:
@@ -180,29 +167,89 @@ def model(sensor: Sensor, rules: Rules | None = None) -> str:
 
     rules: of the range; by default those of a configuration that states none.
     """
-    texts, exactly = TEXTS[sensor.apertures.cut, sensor.light.on], "null"
-    if texts.exact:
-        scene, values, slopes = texts.exact
-        exactly = EXACTLY.format(
-            scene=name_of(scene), readings=name_of(values), slopes=name_of(slopes, True)
-        )
-    stepping = name_of(texts.linearise) if texts.linearise else f"({exactly})"
-    plain = [each for each in (texts.readings, texts.linearise, *texts.exact[:2]) if each]
+    texts, data = TEXTS[sensor.apertures.cut, sensor.light.on], as_data(sensor)
+    functions: dict[Any, str] = {}
+    vectors = javascript("vectors", partial(vectors_of, sensor), functions, data)
+    write_optics(texts, vectors, functions)
+    plans = {
+        f'"{beam} {power}"': plan.make_plan(sensor, Knowledge(beam=beam, power=power))
+        for beam, power in product(BEAM, POWER)
+    }
+    forms = [Form(tuple(each.free.tolist()), kind_of(sensor)) for each in plans.values()]
+    exactly = EXACTLY if texts.exact else "lineariseIdeal"
+    estimators = [write_estimator(form, vectors, functions) for form in forms]
     return MODEL.format(
-        numbers=text_of("numbers.js") + (text_of("dual.js") if texts.exact else ""),
-        texts=javascript(*plain, *DRAWN, *SOLVED, carrying=texts.exact[2:]),
-        sensor=literal(as_data(sensor)),
-        effects=literal(arrays.light_numbers(sensor) if sensor.light.on else None),
-        solver=literal(solver_data(sensor)),
+        numbers=text_of("numbers.js"),
+        texts="\n\n".join(functions.values()),
+        sensor=literal(data),
+        solver=literal(solver_data(sensor, plans)),
         range=literal(range_data(sensor, rules or Rules())),
+        rim=RIM_MM,
         ranging=text_of("range.js"),
         light=text_of("light.js"),
         noise=text_of("noise.js"),
         solving=text_of("solver.js"),
-        readings=name_of(texts.readings),
-        linearise=f"{stepping}(geometry, state)",
-        exactly=exactly if texts.linearise else "null",
+        estimators=", ".join(estimators),
+        linearise="lineariseNearly" if texts.nearly else exactly,
+        exactly=exactly if texts.nearly else "null",
     )
+
+
+def vectors_of(sensor: Sensor, data: Any) -> forward.Geometry:
+    """The vectors of a sensor like `sensor` with other numbers.  data: these, as of `as_data`."""
+    numbers = arrays.light_numbers(sensor)
+    light = LightEffects(numbers, arrays.options(data)) if sensor.light.on else None
+    parameters = tuple(arrays.parameter_values(data))
+    return forward.build_geometry(parameters, arrays.openings(data), light)
+
+
+def write_optics(texts: Texts, vectors: forward.Geometry, functions: dict[Any, str]) -> None:
+    """Add the functions of the optics.  vectors, functions: as `javascript.javascript` takes them,
+    an example of the sensor's vectors and the texts of all functions."""
+    at = javascript("darkScene", forward.dark_scene, functions, vectors, STATE)
+    javascript("apparentScene", curved_light.apparent_scene, functions, vectors, at)
+    javascript("detectorReadings", texts.readings, functions, vectors, STATE)
+    javascript("footprints", footprint.footprints, functions, vectors, STATE)
+    javascript("lineariseIdeal", gradient.linearise, functions, vectors, STATE)
+    if texts.nearly:
+        javascript("lineariseNearly", texts.nearly, functions, vectors, STATE)
+    if exact := texts.exact:
+
+        def slopes(vectors: Any, state: Any, unit: Any, at: Any) -> Any:
+            return exact.slopes(vectors, tuple(map(Dual, state, unit)), at)
+
+        at = javascript("exactScene", exact.scene, functions, vectors, STATE)
+        javascript("exactReadings", exact.readings, functions, vectors, at)
+        javascript("exactSlopes", slopes, functions, vectors, STATE, STATE, at)
+    for name, (function, examples) in FUNCTIONS.items():
+        javascript(name, function, functions, *examples)
+
+
+def write_estimator(form: Form, vectors: forward.Geometry, functions: dict[Any, str]) -> str:
+    """Add the functions of an estimate, and return their names as a part of `ESTIMATORS`."""
+    name = "".join(map(str, form.free[6:]))
+
+    def advance(state: Any, question: Any, vectors: Any, linearise: Any) -> Any:
+        def optics(x: Any) -> Any:
+            moved = forward.replace_power(vectors, x[8])
+            return step.unknown_slopes(moved, linearise(x), form.free)
+
+        return step.step(state, question, optics)
+
+    def results(end: step.State) -> Any:
+        return step.residual_of(end), step.covariance_of(end.factor, form.free)
+
+    def begin(start: Any, status: Any) -> step.State:
+        return step.begin(start, form, status)
+
+    question, _, _ = javascript(
+        f"ask{name}", partial(step.ask, form), functions, NINE, NINE, VECTOR, SCALES
+    )
+    state = javascript(f"begin{name}", begin, functions, NINE, NUMBER)
+    javascript(f"step{name}", advance, functions, state, question, vectors, lambda: DETECTORS)
+    javascript(f"results{name}", results, functions, state)
+    parts = ", ".join(f"{part}: {part}{name}" for part in ("ask", "begin", "step", "results"))
+    return f'"{name}": {{{parts}}}'
 
 
 def as_data(thing: Any) -> Any:
@@ -210,28 +257,25 @@ def as_data(thing: Any) -> Any:
     if isinstance(thing, tuple):
         return tuple(map(as_data, thing))
     if not is_dataclass(thing):
-        return thing
+        return float(thing) if type(thing) is int else thing
     names = [field.name for field in fields(thing) if field.name not in UNUSED]
     names += [name for name in PROPERTIES if hasattr(thing, name)]
     return {name: as_data(getattr(thing, name)) for name in names}
 
 
-def solver_data(sensor: Sensor) -> dict[str, Any]:
+def solver_data(sensor: Sensor, plans: dict[str, plan.Plan]) -> dict[str, Any]:
     """The numbers of an estimate that do not change with the sensor's place and size.
 
-    keeps: see `Form`.  plans: by what is known of beam and power.  limits: of the readings.
-    noise: see `electronic_noise`.  samples, fold: where the page looks for a fold, and what it then
-    says.  refusal: why the page cannot solve; empty where it can.
+    plans: by what is known of beam and power.  limits: of the readings, as in
+    `problem.ScreeningLimits`.  noise: see `electronic_noise`.  samples, fold: where the page looks
+    for a fold, and what it then says.  refusal: why the page cannot solve; empty where it can.
     """
     limits = plan.make_limits(sensor, False)
     return {
-        "keeps": Form((), kind_of(sensor)).keeps_equations,
-        "plans": {
-            f'"{beam} {power}"': plan_data(sensor, Knowledge(beam=beam, power=power))
-            for beam, power in product(BEAM, POWER)
-        },
-        "limits": {"floor": float(limits.noise[2]), "light": limits.light},
+        "plans": {name: plan_data(sensor, each) for name, each in plans.items()},
+        "limits": {"floor": limits.noise[2], "light": limits.light, "rounding": ROUNDING},
         "samples": doubts.unit_samples().round(9),
+        "offset": doubts.OFFSET_SHARE,
         "fold": FOLD,
         "noise": electronic_noise(sensor),
         "statuses": [status.label for status in Status if status < Status.SKIPPED],
@@ -285,17 +329,14 @@ def electronic_noise(sensor: Sensor) -> noise.TwoLayerNoise | None:
     )
 
 
-def plan_data(sensor: Sensor, knowledge: Knowledge) -> dict[str, Any]:
+def plan_data(sensor: Sensor, todo: plan.Plan) -> dict[str, Any]:
     """One plan of `estimation.plan`.
 
     none: `count_checks` without a detector.  limits: the largest residual by the number of checks.
-    power: whether the mean of the power is the sensor's.
     """
-    todo = plan.make_plan(sensor, knowledge)
     likely = plan.chance_of(sensor, todo)
     return {
         "means": todo.means[0],
-        "power": knowledge.power in ("known", "unknown"),
         "weights": todo.weights,
         "free": todo.free,
         "none": likely.none,

@@ -7,14 +7,14 @@
 const Noise = (() => {
   function variance(sensor, k, [psi, zeta, power]) {
     if (!sensor.electronics) {
-      const place = noise_simple_place_variance(sensor.noise, power);
-      return [place, place, noise_simple_power_variance(sensor.noise, power)];
+      const place = simplePlaceVariance(sensor.noise, power);
+      return [place, place, simplePowerVariance(sensor.noise, power)];
     }
     const {size_y, size_z} = sensor.psds[k], light = SOLVER.noise.gain * power;
     return [
-      noise_two_layer_place_variance(psi / (size_y / 2), size_y / 2, light, SOLVER.noise),
-      noise_two_layer_place_variance(zeta / (size_z / 2), size_z / 2, light, SOLVER.noise),
-      noise_two_layer_power_variance(light, SOLVER.noise),
+      twoLayerPlaceVariance(psi / (size_y / 2), size_y / 2, light, SOLVER.noise),
+      twoLayerPlaceVariance(zeta / (size_z / 2), size_z / 2, light, SOLVER.noise),
+      twoLayerPowerVariance(light, SOLVER.noise),
     ];
   }
 
@@ -40,10 +40,19 @@ const Noise = (() => {
     return () => Math.sqrt(-2 * Math.log(next())) * Math.cos(2 * Math.PI * next());
   }
 
+  // The largest currents of duo-lateral detectors over the end of their range (3), as noise.fullness.
+  function fullness(sensor, reading) {
+    return reading.map(([psi, zeta, power], k) => {
+      const {size_y, size_z} = sensor.psds[k];
+      const off = Math.min(Math.max(Math.abs(psi) / (size_y / 2), Math.abs(zeta) / (size_z / 2)), 1);
+      return power * (0.5 + off / 2) / RANGE.full;
+    });
+  }
+
   // Whether the light on each detector drives an amplifier past the end of its range.
   function saturated(sensor, values) {
     const nested = [0, 1, 2].map((k) => values.slice(3 * k, 3 * k + 3));
-    return clearance_fullness(sensor, nested, RANGE.full).map((share) => share > 1);
+    return fullness(sensor, nested).map((share) => share > 1);
   }
 
   // A detector that its spot misses reads nothing, and neither does one that is saturated.
@@ -56,5 +65,5 @@ const Noise = (() => {
     return noisy;
   }
 
-  return {deviations, sample, saturated};
+  return {deviations, fullness, sample, saturated};
 })();

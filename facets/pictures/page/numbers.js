@@ -1,41 +1,6 @@
-// Mathematics that JavaScript lacks, and what decides by the values of numbers.
+// The elementary functions that the generated texts call, and mathematics that JavaScript lacks.
 
-// Python's min and max keep the first of two unless the second is beyond it, NaN or not.
-function least(...values) { return values.reduce((a, b) => (b < a ? b : a)); }
-function most(...values) { return values.reduce((a, b) => (b > a ? b : a)); }
-function larger(a, b) { return a > b ? a : b; }
-function choose(condition, a, b) { return condition ? a : b; }
-
-// `other` unless the condition holds; else what the function gives.
-function whereAny(condition, other, give, ...given) { return condition ? give(...given) : other; }
-function whereEach(conditions, others, give, given) {
-  return conditions.map((condition, n) => whereAny(condition, others[n], give, ...given[n]));
-}
-// The sums of what a function gives for each row of a table and further arguments.
-function sumOver(give, table, ...given) {
-  return table.map((row) => give(...row, ...given)).reduce((a, b) => a.map((x, n) => x + b[n]));
-}
-
-// Python's list[start:end:step]; an end that is null is left out.
-function everyNth(list, start, end, step) {
-  const place = (n, usual) => (n === null ? usual : n < 0 ? n + list.length : n);
-  const begin = place(start, step > 0 ? 0 : list.length - 1), found = [];
-  const stop = place(end, step > 0 ? list.length : -1);
-  for (let n = begin; step > 0 ? n < stop : n > stop; n += step) found.push(list[n]);
-  return found;
-}
-
-function range(count) { return Array.from({length: count}, (_, n) => n); }
-function zip(first, ...others) { return first.map((x, n) => [x, ...others.map((list) => list[n])]); }
-function enumerate(list, first = 0) { return list.map((x, n) => [first + n, x]); }
-
-// An array of zeros as nested lists: zeros(3, 4) has three rows of four.
-function zeros(count, ...more) {
-  return Array.from({length: count}, () => (more.length ? zeros(...more) : 0));
-}
-
-// `value` where a, b and c are above zero, else NaN.
-function defined(value, a, b, c) { return a > 0 && b > 0 && c > 0 ? value : NaN; }
+const {exp, sqrt, log, sin, cos, atan2, abs: fabs} = Math;
 
 // erf and erfc to some units of the last place: a series of positive terms near zero, a continued
 // fraction in the tail.
@@ -62,6 +27,8 @@ function gauss(x) {
   const short = Math.fround(x), rest = x - short;
   return Math.exp(-short * short) * Math.exp(-rest * (short + x));
 }
+
+function range(count) { return Array.from({length: count}, (_, n) => n); }
 
 // Of a matrix, row by row: its singular values, and the roots of the sums of squares of the rows of
 // its pseudo-inverse. One-sided Jacobi rotations make its columns orthogonal.

@@ -1,5 +1,6 @@
 // How far the mirror may go from rest, and what ends its range there: the limits of
-// facets.characterization.ranges, by the package's text (clearance.py and the optics).
+// facets.characterization.ranges for one pose at a time, with the readings, derivatives and
+// footprints of the package's text.
 //
 //   const ranges = Ranges.create(sensor, geometry, readings);
 //   ranges.axes()          six of {low, high, lowCause, highCause}; mm and rad
@@ -31,14 +32,40 @@ const Ranges = (() => {
       return [Math.log(ratio), Math.min(...finest)];
     }
 
+    // The least margin of a spot, as ranges.spot_clearances.
+    function spotClearance(ends, reading) {
+      const margins = reading.flatMap(([psi, zeta], k) => {
+        const {size_y, size_z} = sensor.psds[k], [y, z] = [size_y / 2, size_z / 2], {rim} = sensor.apertures;
+        let sides = ends[k];
+        const bare = Number.isNaN(sides[0]) && !Number.isNaN(psi);
+        if (bare || !rules.whole_spot) {
+          sides = [psi, psi, zeta, zeta, bare && rules.whole_spot ? -Infinity : sides[4]];
+        }
+        const [left, right, low, high, out] = sides;
+        return [(y + left) / y, (y - right) / y, (z + low) / z, (z - high) / z, rim - out];
+      });
+      return margins.some(Number.isNaN) ? -1 : Math.max(Math.min(...margins), -1);
+    }
+
+    // The margin of light, as ranges.light_clearances.
+    function lightClearance(reading) {
+      const light = reading.map(([, , power], k) => (power - other[k]) / (needed[k] - other[k]));
+      return Math.log(light.some(Number.isNaN) ? 1e-300 : Math.max(Math.min(...light), 1e-300));
+    }
+
+    // The margin of the amplifiers, as ranges.saturation_clearances.
+    function saturationClearance(reading) {
+      return -Math.log(Math.max(1e-300, ...Noise.fullness(sensor, reading).filter((share) => share > 0)));
+    }
+
     function clearances(pose) {
-      const state = stateOf(pose), values = readings(state), ends = footprint_footprints(geometry, state);
+      const state = stateOf(pose), values = readings(state), ends = footprints(geometry, state);
       const nested = [0, 1, 2].map((k) => values.slice(3 * k, 3 * k + 3));
-      const spot = clearance_spot_clearance(sensor, ends, nested, rules.whole_spot);
-      const light = clearance_light_clearance(nested, needed, other);
+      const spot = spotClearance(ends, nested);
+      const light = lightClearance(nested);
       const lit = spot > -1 && light > RANGE.no_light, ask = rules.condition < Infinity
         || rules.coarsest.some((limit) => limit < Infinity);
-      const saturation = full < Infinity ? clearance_saturation_clearance(sensor, nested, full) : Infinity;
+      const saturation = full < Infinity ? saturationClearance(nested) : Infinity;
       return [spot, light, saturation, ...(lit && ask ? information(state, values) : [Infinity, Infinity])];
     }
 

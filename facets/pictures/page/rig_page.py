@@ -22,7 +22,7 @@ from ...detectors.correction import is_corrected
 from ...files.whole import write_text
 from ..stills.range_solid import COLOURS
 from .model import model, text_of
-from .rig_data import rig
+from .scripts import RIG
 
 #: The description of each component of a state.
 WORDS = {
@@ -82,7 +82,7 @@ def rig_page(
         "THREE": text_of("vendor/three.min.js"),
         "PAPA": text_of("vendor/papaparse.min.js"),
         "MODEL": model(sensor, config.range if config else None),
-        "DATA": f"const RIG = {data(rig(sensor))};\nconst PAGE = {data(settings)};",
+        "DATA": f"{RIG}const PAGE = {data(settings)};",
         "SCRIPTS": "\n".join(text_of(f"{name}.js") for name in OWN_SCRIPTS),
     }
     text = text_of("page.html")

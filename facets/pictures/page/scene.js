@@ -6,7 +6,7 @@
 //   scene.orbit(left, up, closer);                  // the camera, by angles (rad) and a factor
 //   scene.draw(); scene.copy(pen, wide);            // what is seen, with its labels, on another canvas
 //
-// RIG: what rig_data.py writes; `element` gets a canvas, labels and buttons of views, and may change
+// RIG: see scripts.py and Light.bodies; `element` gets a canvas, labels and buttons of views, and may change
 // its size. below(): how many pixels of its lower edge something covers. onPick(name): of a part that was clicked. onDrag(vector, turning): the mirror was dragged
 // along a vector of the world, or is to turn about it, in halves of the picture's height; without
 // onDrag, or while `scene.mode` is "view", all drags turn the camera.

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import json
 
+from ...core.hues import DARK, LIGHT
 from ...core.sensor import Sensor
 from .model import model, text_of
-from .rig_data import rig
+
+#: The hues of A, B and C, by the page's theme.
+HUES = {theme: [*hues.detectors.values()] for theme, hues in (("light", LIGHT), ("dark", DARK))}
+#: Defines `RIG`: the bodies of a rig with these hues.  Needs `Model`.
+RIG = f"const RIG = {{hues: {json.dumps(HUES)}, ...Model.bodies()}};\n"
 
 
 def rig_scripts(sensor: Sensor) -> dict[str, str]:
@@ -19,6 +24,6 @@ def rig_scripts(sensor: Sensor) -> dict[str, str]:
         "base.css": text_of("base.css"),
         "three.min.js": text_of("vendor/three.min.js"),
         "model.js": model(sensor),
-        "data.js": f"const RIG = {json.dumps(rig(sensor))};\n",
+        "data.js": RIG,
         **{f"{name}.js": text_of(f"{name}.js") for name in names},
     }

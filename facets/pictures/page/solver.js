@@ -7,8 +7,8 @@
 //         uncertainty}; lengths in mm, angles in rad, power in mW; NaN where there is no pose.
 //   solver.refusal({beam, power})   why this page cannot solve so; "" where it can
 //
-// step_estimate and all that it calls are the package's text. Here are only its arguments, as
-// facets.estimation.plan makes them, and its results in words.
+// ESTIMATORS has the functions of facets.estimation.step, made from the package's text. Here are the
+// loop, their arguments, as facets.estimation.plan makes them, and their results in words.
 
 const Solver = (() => {
   const nothing = (...shape) => (shape.length === 1 ? Array(shape[0]).fill(NaN)
@@ -35,27 +35,53 @@ const Solver = (() => {
   }
 
   function create(sensor, geometry) {
-    const {floor, light} = SOLVER.limits;
-    const limits = plan_limits_under(sensor, floor, light, false);
+    const limits = screeningLimits();
+
+    // As plan.make_limits.
+    function screeningLimits() {
+      const {floor, light, rounding} = SOLVER.limits, {noise, psds, beam, apertures} = sensor;
+      const width = apertures.detectors ? Math.max(beam.diameter_x, beam.diameter_y) / 2 : 0;
+      return {
+        noise: [noise.position, noise.at_power, floor], light, eight: false,
+        usable: psds.map(({size_y, size_z, usable: [lowY, highY, lowZ, highZ]}) => {
+          const [y, z] = [size_y / 2 - width, size_z / 2 - width];
+          return [Math.max(-y, lowY), Math.min(y, highY), Math.max(-z, lowZ), Math.min(z, highZ)];
+        }),
+        rounding: [rounding * distance(), rounding * beam.power],
+      };
+    }
+
+    function distance() {
+      return Math.max(...sensor.psds.map(({radius, height}) => Math.hypot(radius, height)));
+    }
+
+    // As doubts.sample_sizes.
+    function sampleSizes() {
+      const half = Math.min(...sensor.psds.flatMap(({size_y, size_z}) => [size_y, size_z])) / 2;
+      const across = SOLVER.offset * Math.min(sensor.beam.diameter_x, sensor.beam.diameter_y);
+      const turn = half / (2 * distance());
+      return [across, across, half, turn, turn, turn, across, across];
+    }
+
     function start(plan, values, place) {
-      const means = [...place || plan.means.slice(0, 2), plan.power ? sensor.beam.power : plan.means[2]];
+      const means = [...place || plan.means.slice(0, 2), sensor.beam.power];
       const seen = values.filter((value, n) => n % 3 === 2 && !Number.isNaN(value))
         .reduce((sum, value) => sum + value, 0);
       const unknown = plan.weights[2] === 0 && plan.free.at(-1) === 8;
       const power = unknown && Number.isFinite(seen) && seen > 0 ? seen : means[2];
-      return {means, begin: [means[0], means[1], 0, 0, 0, 0, means[0], means[1], power]};
+      return {means, first: [means[0], means[1], 0, 0, 0, 0, means[0], means[1], power]};
     }
 
     // Whether the determinant of the first eight readings has both signs, as doubts.has_fold.
     let folds = null;
     function hasFold() {
       if (folds !== null) return folds;
-      const bare = arrays_geometry_under(sensor, null), sizes = doubts_sample_sizes(sensor), seen = new Set();
+      const sizes = sampleSizes(), seen = new Set();
       for (const sample of SOLVER.samples) {
         const state = sample.map((x, n) => x * sizes[n]);
         state[0] += state[6];
         state[1] += state[7];
-        const rows = gradient_linearise(bare, state).flatMap(([, each]) => each).slice(0, 8);
+        const rows = lineariseIdeal(geometry, state).flatMap(([, each]) => each).slice(0, 8);
         if (!rows.flat().every(Number.isFinite)) continue;
         seen.add(signOfDeterminant(rows));
       }
@@ -70,38 +96,43 @@ const Solver = (() => {
     // Whether a used spot reaches past its detector's edge, where it is cut: doubts.cut_spots.
     function isCut(state, used) {
       if (!sensor.apertures.detectors) return false;
-      return footprint_footprints(geometry, state).some(([left, right, low, high], k) => {
+      return footprints(geometry, state).some(([left, right, low, high], k) => {
         const {size_y, size_z} = sensor.psds[k];
         return used[k] && !(Math.min(size_y / 2 + left, size_y / 2 - right, size_z / 2 + low, size_z / 2 - high) >= 0);
       });
     }
 
-    function solve(values, {beam = "free", power = "known", start: first, place} = {}) {
+    function solve(values, {beam = "free", power = "known", start: near, place} = {}) {
       const plan = SOLVER.plans[`${beam} ${power}`];
-      const {means, begin} = start(plan, values, beam === "known" && place);
-      if (first) begin.splice(0, 6, ...first.slice(0, 6));
+      const {means, first} = start(plan, values, beam === "known" && place);
+      if (near) first.splice(0, 6, ...near.slice(0, 6));
       const weighed = sensor.electronics !== null;
       const scales = {
         ...limits, weight: plan.weights, weighed, checks: plan.none, accepts: false, damped: true, most_steps: 50,
+        least_redundancy: 0,
       };
       const weights = weighed ? Noise.deviations(sensor, values).map((sigma) => 1 / sigma) : values;
-      const form = {free: plan.free, keeps_equations: SOLVER.keeps};
-      const [question, status, used] = step_ask(form, values, weights, means, scales);
-      const estimate = (derivatives) => step_estimate(begin, question, status, (x) => {
-        const powered = forward_replace_power(geometry, x[8]);
-        return step_unknown_slopes(powered, derivatives(powered, x.slice(0, 8)), plan.free);
-      });
+      const {ask, begin, step, results} = ESTIMATORS[plan.free.slice(6).join("")];
+      const [question, status, used] = ask(values, weights, means, scales);
+      const estimate = (derivatives) => {
+        let state = begin(first, status);
+        while (state.status < 0) {
+          state = step(state, question, geometry,
+            (x) => derivatives({...geometry, power: x[8]}, x.slice(0, 8)));
+        }
+        return state;
+      };
       let end = estimate(linearise);
       if (lineariseExactly && SOLVER.statuses[end.status] === "stalled") end = estimate(lineariseExactly);
-      return told(plan, end, used.map(Boolean));
+      return told(plan, end, results(end), used.map(Boolean));
     }
 
-    function told(plan, end, used) {
+    function told(plan, end, [residual, ofState], used) {
       const count = used.filter(Boolean).length, ended = SOLVER.statuses[end.status];
       const cut = ended === "converged" && isCut(end.end, used);
       const status = cut ? "out of range" : ended, converged = status === "converged";
-      const checks = Math.max(3 * count + plan.none, 0), limit = plan.limits[checks], residual = step_residual_of(end);
-      const covariance = converged ? step_covariance_of(end.factor, plan.free) : nothing(8, 8);
+      const checks = Math.max(3 * count + plan.none, 0), limit = plan.limits[checks];
+      const covariance = converged ? ofState : nothing(8, 8);
       return {
         status, converged, ok: converged && !(residual > limit),
         state: converged ? end.end.slice(0, 8) : nothing(8),
