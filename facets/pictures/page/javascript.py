@@ -10,6 +10,7 @@ erfc; `numbers.js` has these.
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -71,9 +72,9 @@ def javascript(
     names = [f"a{n}" for n, _ in enumerate(examples)]
     results = function(*map(_argument, [writer] * len(names), names, examples))
     head = f"function {name}({', '.join(names)}) {{"
-    end = f"    return {literal(results)};"
-    writer.put_line(end.strip())
-    functions[name] = "\n".join([head, *writer.needed_statements(), "}"])
+    writer.put_line(f"return {literal(results)};")
+    body = textwrap.dedent("\n".join(writer.needed_statements()))
+    functions[name] = f"{head}\n{body}\n}}"
     return _plain(results)
 
 

@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from functools import partial
 from importlib.resources import files
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +24,7 @@ from ...model import arrays
 from ...model.kinds import kind_of
 from ...optics import (
     bench_gradient,
-    bench_light,
     curved_light,
-    cut,
     exact_text,
     footprint,
     forward,
@@ -38,25 +36,12 @@ from ...scalars.dual import Dual
 from ..stills.scene import RIM_MM
 from .javascript import javascript, literal
 
-
-class Texts(NamedTuple):
-    """The functions of the optics for one kind of light.
-
-    readings: from vectors and a state.  exact: the exact derivatives; None for those of ideal
-    light.  nearly: derivatives with which the solver steps first, if there are any.
-    """
-
-    readings: Callable[..., Any]
-    exact: exact_text.ExactText | None = None
-    nearly: Callable[..., Any] | None = None
-
-
-#: The functions by whether apertures cut the light, and whether it is that of a bench.
-TEXTS: dict[tuple[bool, bool], Texts] = {
-    (False, False): Texts(forward.readings),
-    (True, False): Texts(cut.readings, exact_text.CUT),
-    (False, True): Texts(bench_light.readings, exact_text.BENCH, bench_gradient.linearise_nearly),
-    (True, True): Texts(cut.readings, exact_text.CUT),
+#: The functions of the optics for light that apertures cut or do not, and ideal light or a bench's.
+TEXTS: dict[tuple[bool, bool], exact_text.ExactText] = {
+    (False, False): exact_text.IDEAL,
+    (True, False): exact_text.CUT,
+    (False, True): exact_text.BENCH,
+    (True, True): exact_text.CUT,
 }
 #: Examples of arguments of functions, see `javascript.javascript`.
 NUMBER, VECTOR, STATE, NINE = 0.0, (0.0,) * 3, (0.0,) * 8, (0.0,) * 9
@@ -106,7 +91,7 @@ const lineariseExactly = {exactly};
 {ranging}
 // The sensor at rest, as vectors, and what follows from it.
 let sensor, geometry, solver, ranges;
-const readings = (state) => detectorReadings(geometry, state).flat();
+const readings = (state) => sceneReadings(geometry, scene(geometry, state)).flat();
 function change(given) {{
   sensor = given;
   geometry = vectors(sensor);
@@ -149,10 +134,10 @@ return {{
 
 #: The exact derivatives by the state, as `bench_gradient.linearise`: one column after the other.
 EXACTLY = """(geometry, state) => {
-  const at = exactScene(geometry, state);
+  const at = scene(geometry, state);
   const units = state.map((_, n) => state.map((_, c) => (c === n ? 1 : 0)));
   const columns = units.map((unit) => exactSlopes(geometry, state, unit, at));
-  return exactReadings(geometry, at).map((values, k) =>
+  return sceneReadings(geometry, at).map((values, k) =>
     [values, values.map((_, i) => columns.map((each) => each[k][i]))]);
 }"""
 
@@ -167,16 +152,18 @@ def model(sensor: Sensor, rules: Rules | None = None) -> str:
 
     rules: of the range; by default those of a configuration that states none.
     """
-    texts, data = TEXTS[sensor.apertures.cut, sensor.light.on], as_data(sensor)
+    text, data = TEXTS[sensor.apertures.cut, sensor.light.on], as_data(sensor)
     functions: dict[Any, str] = {}
     vectors = javascript("vectors", partial(vectors_of, sensor), functions, data)
-    write_optics(texts, vectors, functions)
+    write_optics(text, vectors, functions)
     plans = {
         f'"{beam} {power}"': plan.make_plan(sensor, Knowledge(beam=beam, power=power))
         for beam, power in product(BEAM, POWER)
     }
     forms = [Form(tuple(each.free.tolist()), kind_of(sensor)) for each in plans.values()]
-    exactly = EXACTLY if texts.exact else "lineariseIdeal"
+    has_steps = text is exact_text.BENCH
+    exactly = "lineariseIdeal" if text is exact_text.IDEAL else EXACTLY
+    linearise = "lineariseNearly" if has_steps else exactly
     estimators = [write_estimator(form, vectors, functions) for form in forms]
     return MODEL.format(
         numbers=text_of("numbers.js"),
@@ -190,8 +177,8 @@ def model(sensor: Sensor, rules: Rules | None = None) -> str:
         noise=text_of("noise.js"),
         solving=text_of("solver.js"),
         estimators=", ".join(estimators),
-        linearise="lineariseNearly" if texts.nearly else exactly,
-        exactly=exactly if texts.nearly else "null",
+        linearise=linearise,
+        exactly=EXACTLY if has_steps else "null",
     )
 
 
@@ -203,23 +190,25 @@ def vectors_of(sensor: Sensor, data: Any) -> forward.Geometry:
     return forward.build_geometry(parameters, arrays.openings(data), light)
 
 
-def write_optics(texts: Texts, vectors: forward.Geometry, functions: dict[Any, str]) -> None:
+def write_optics(
+    text: exact_text.ExactText, vectors: forward.Geometry, functions: dict[Any, str]
+) -> None:
     """Add the functions of the optics.  vectors, functions: as `javascript.javascript` takes them,
     an example of the sensor's vectors and the texts of all functions."""
-    at = javascript("darkScene", forward.dark_scene, functions, vectors, STATE)
-    javascript("apparentScene", curved_light.apparent_scene, functions, vectors, at)
-    javascript("detectorReadings", texts.readings, functions, vectors, STATE)
+    dark = javascript("darkScene", forward.dark_scene, functions, vectors, STATE)
+    javascript("apparentScene", curved_light.apparent_scene, functions, vectors, dark)
+    at = javascript("scene", text.scene, functions, vectors, STATE)
+    javascript("sceneReadings", text.readings, functions, vectors, at)
     javascript("footprints", footprint.footprints, functions, vectors, STATE)
     javascript("lineariseIdeal", gradient.linearise, functions, vectors, STATE)
-    if texts.nearly:
-        javascript("lineariseNearly", texts.nearly, functions, vectors, STATE)
-    if exact := texts.exact:
+    if text is exact_text.BENCH:
+        nearly = bench_gradient.linearise_nearly
+        javascript("lineariseNearly", nearly, functions, vectors, STATE)
+    if text is not exact_text.IDEAL:
 
         def slopes(vectors: Any, state: Any, unit: Any, at: Any) -> Any:
-            return exact.slopes(vectors, tuple(map(Dual, state, unit)), at)
+            return text.slopes(vectors, tuple(map(Dual, state, unit)), at)
 
-        at = javascript("exactScene", exact.scene, functions, vectors, STATE)
-        javascript("exactReadings", exact.readings, functions, vectors, at)
         javascript("exactSlopes", slopes, functions, vectors, STATE, STATE, at)
     for name, (function, examples) in FUNCTIONS.items():
         javascript(name, function, functions, *examples)
