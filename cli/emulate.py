@@ -86,7 +86,8 @@ def emulate(
         )
     settings = facets.load(config)
     code = library_of(firmware, settings) if firmware else None
-    warm_up(settings)  # before the ports exist, because programs that open them wait for answers
+    # compiled before the ports exist, because programs that open them wait for answers
+    model.arrays.readings(settings.sensor, [0.0] * 8)
     setup = live.virtual.BenchSetup(
         settings,
         motion,
@@ -155,7 +156,3 @@ def library_of(path: Path, settings: Config) -> firmware.library.FirmwareLibrary
             f"compile it again: facets export-c {settings.name}"
         )
     return library
-
-
-def warm_up(settings: Config) -> None:
-    model.arrays.readings(settings.sensor, [0.0] * 8)

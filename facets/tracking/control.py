@@ -62,7 +62,7 @@ class Law:
 
     inverse: of `slope_of_error`, mm.  power: of the beam, mW.  clearance: largest distance from the
     apex, mm, at which the beam can light all three facets.  goal: the last command.  summed: sum of
-    the errors.  limited: number of commands that a limit shortened.
+    the errors.
     """
 
     settings: Settings
@@ -71,7 +71,6 @@ class Law:
     clearance: float
     goal: Floats | None = None
     summed: Floats = field(default_factory=lambda: np.zeros(2))
-    limited: int = 0
     last: tuple[float, Floats] | None = None
     speed: Floats = field(default_factory=lambda: np.zeros(2))
 
@@ -135,9 +134,7 @@ class Law:
 
     def hold(self, target: Floats, beam: Floats) -> Floats:
         """Limit a command by step, speed and soft limits."""
-        held = Limits.from_settings(self.settings).hold(target, beam)
-        self.limited += not np.allclose(held, target, rtol=0, atol=1e-12)
-        return held
+        return Limits.from_settings(self.settings).hold(target, beam)
 
     def forget(self) -> None:
         """Reset the sum of errors and the motion after a loss of the mirror."""

@@ -250,9 +250,9 @@ class Envelope:
     def _limit_speed(self, held: Floats, now: float, at: Encoder, speed: float) -> Floats:
         """Limit a command to the distance from the last one that the allowed speed covers."""
         period = 1 / self.settings.rate
-        last, passed = (at.place, period) if self.sent is None else (self.sent[1], period)
+        last, passed = at.place, period
         if self.sent is not None:
-            passed = min(now - self.sent[0], 2 * period)
+            last, passed = self.sent[1], min(now - self.sent[0], 2 * period)
         far = speed * max(passed, 0.0)
         slow = last + np.clip(held - last, -far, far)
         return self.limits.hold(slow, at.place)

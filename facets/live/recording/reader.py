@@ -151,14 +151,15 @@ def missing_file(path: Path, error: OSError, remedy: str) -> InputError:
 
 
 def any_agrees(rows: Any, file: BinaryIO) -> bool:
-    """Whether the bytes of any row are those of the file; then seek the file's beginning."""
-    for row in rows:
+    """Whether the file holds the bytes of any row; then seek the beginning of the file."""
+
+    def agrees(row: Any) -> bool:
         file.seek(int(row["offset"]))
-        if proves(row, file.read(int(row["length"]))):
-            file.seek(0)
-            return True
+        return proves(row, file.read(int(row["length"])))
+
+    is_any = any(map(agrees, rows))
     file.seek(0)
-    return False
+    return is_any
 
 
 def size_of(folder: Path) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import zlib
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from typing import Any
 
@@ -73,11 +73,9 @@ class RawSamples:
     def __len__(self) -> int:
         return len(self.seq)
 
-    def where(self, keep: NDArray[np.bool_] | slice) -> RawSamples:
-        return RawSamples(
-            self.kind[keep], self.flags[keep], self.seq[keep], self.time[keep], self.counts[keep],
-            self.channels[keep],
-        )  # fmt: skip
+    def where(self, chosen: NDArray[Any] | slice) -> RawSamples:
+        """Return some of the samples."""
+        return RawSamples(*(getattr(self, item.name)[chosen] for item in fields(self)))
 
 
 class Parser(ABC):

@@ -36,8 +36,6 @@ NUMBERS = (
 SAMPLE = np.dtype([*HEAD, *((name, "<f8") for name in NUMBERS)])
 #: The parts of the uncertainties, which samples of a calibrated sensor also have.
 PARTS = tuple(f"u_{part}_{name}" for part in UNCERTAINTY_PARTS for name in STATE_COLUMNS)
-#: A row of a calibrated sensor: 370 bytes.
-CALIBRATED_SAMPLE = np.dtype([*SAMPLE.descr, *((name, "<f8") for name in PARTS)])
 
 
 def row_content(config: Config, objects: Measurement | None = None) -> dict[str, Any]:
@@ -71,8 +69,12 @@ def sample_dtype(about: dict[str, Any]) -> np.dtype[np.void]:
 @cache
 def row_dtype(parts: bool, further: tuple[str, ...]) -> np.dtype[np.void]:
     """Return the dtype of rows whose last columns are `further`.  parts: with those of u."""
-    base = CALIBRATED_SAMPLE if parts else SAMPLE
-    return np.dtype([*base.descr, *((name, "<f8") for name in further)]) if further else base
+    names = (*(PARTS if parts else ()), *further)
+    return np.dtype([*SAMPLE.descr, *((name, "<f8") for name in names)]) if names else SAMPLE
+
+
+#: A row of a calibrated sensor: 370 bytes.
+CALIBRATED_SAMPLE = row_dtype(True, ())
 
 
 def unit_of(name: str, channels: Iterable[dict[str, Any]] = ()) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from ...detectors.skew import delay_states, delayed_readings
 from ...model.arrays import mask_missed_spots
 from ...tracking.interlock import HEARTBEAT, KIND, MAY_MOVE, SIGN, heartbeat_frame
 from ..run.board_poses import SOLVED
+from ..run.pipeline import join
 from ..sources.frames import (
     ELECTRODES,
     OVERRUN,
@@ -109,19 +110,16 @@ def add_board_poses(samples: RawSamples, firmware: FirmwareLibrary, dark: Floats
     solved["power"], solved["residual"] = poses.power, poses.residual
     solved["used"] = poses.used @ np.array([1, 2, 4])
     solved["microseconds"] = min(took, 65_535)
-    payload = solved.view("<i4").reshape(-1, 12).astype(np.int32)
-
-    def alternating(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
-        return np.stack([first, second], axis=1).reshape(2 * len(first), *first.shape[1:])
-
-    return RawSamples(
-        alternating(samples.kind, np.full_like(samples.kind, POSE)),
-        alternating(samples.flags, np.zeros_like(samples.flags)),
-        alternating(samples.seq, samples.seq),
-        alternating(samples.time, samples.time),
-        alternating(samples.counts, payload),
-        alternating(samples.channels, np.full_like(samples.channels, np.nan)),
+    poses_sent = replace(
+        samples,
+        kind=np.full_like(samples.kind, POSE),
+        flags=np.zeros_like(samples.flags),
+        counts=solved.view("<i4").reshape(-1, 12).astype(np.int32),
+        channels=np.full_like(samples.channels, np.nan),
     )
+    alternating = np.arange(2 * len(samples)).reshape(2, -1).T.ravel()
+    both: RawSamples = join([samples, poses_sent])
+    return both.where(alternating)
 
 
 class HeartbeatWatch:

@@ -22,11 +22,10 @@ def status_of(live: Live) -> dict[str, Any]:
     """Return the status of a run that goes on."""
     pipeline = live.pipeline
     return {
-        "seconds": round(live.duration, 3),
+        **pipeline_status(pipeline, live.duration),
         "messages": live.messages(),
         "events": events(pipeline) | {"reconnected": live.reconnects},
         "counts": run_counts(live),
-        "clock": clock(pipeline),
         "stage": stage(live.tracker, live.current),
         "published": [
             {key: publication[key] for key in ("address", "sent", "dropped", "trouble")}
@@ -41,14 +40,21 @@ def status_of_replay(pipeline: Pipeline, seconds: float) -> dict[str, Any]:
     zero, board = pipeline.measurement.messages(), pipeline.board.trouble()
     messages = [*pipeline.doubts.said, *pipeline.times.messages, *zero, board]
     return {
-        "seconds": round(seconds, 3),
+        **pipeline_status(pipeline, seconds),
         "messages": [text for text in messages if text],
-        "events": events(pipeline),
-        "counts": stream_counts(pipeline),
-        "clock": clock(pipeline),
         "stage": {"there": False, "why": "a replay moves nothing"},
         "published": [],
         "recording": "a recording that is solved again",
+    }
+
+
+def pipeline_status(pipeline: Pipeline, seconds: float) -> dict[str, Any]:
+    """Return the part of a status that runs and replays share, after a time, s."""
+    return {
+        "seconds": round(seconds, 3),
+        "events": events(pipeline),
+        "counts": stream_counts(pipeline),
+        "clock": clock(pipeline),
     }
 
 
