@@ -198,7 +198,7 @@ CASES: list[Fault] = [
     case("table", "angles in another order", edit("reference", ANGLES, reorder_angles),
          "fixed axes z, then y, then x"),
     case("table", "reference one row late in a sixth", edit("reference", range(6), previous, SIXTH),
-         "stand one row below"),
+         "are one row below"),
     case("table", "sign of zeta of B in a sixth", edit("readings", [4], np.negative, SIXTH),
          "sign of zeta of detector B"),
     case("table", "places in steps of 20 um", edit("readings", PLACES, round_to(0.02)),

@@ -13,22 +13,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.small_matrices import one_thread
 from ..core.units import Floats
-from .alternatives.alternative import Alternative, Finding, chance_of
+from .alternatives.alternative import Finding, chance_of
 from .alternatives.columns import drift_columns, warmth
 from .alternatives.faults import WORST_LIGHT_SIGMAS, Explanation, find_fault
 from .alternatives.judge import (
-    LEAST_SHARE,
+    LEAST_SCORE_FRACTION,
     Cause,
     find_causes,
     find_large_causes,
     raise_noise,
     restore_readings,
     rivals_of_shape,
-    steps_as_changes,
     undo_causes,
 )
 from .alternatives.remainder import Remainder, rise_without
@@ -98,8 +96,6 @@ LEAST_CURE = 0.3
 BEAM_SHAPES = ("profile", "asymmetry")
 #: How often effects and causes are found in turn.
 JUDGE_ROUNDS = 3
-#: The limit of residuals by which a bad fit shows what jumped.
-ROBUST_SIGMAS = 3.0
 #: Samples that a fit needs.
 MIN_SAMPLES = 10
 
@@ -155,7 +151,7 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     plain = follow_temperature(sensor, plain, every, settings.outliers)
     done, causes = explain(sensor, plain, chosen, settings, large)
     if fault is None and plain.promising and is_suspicious(done.sensor, done.fit):
-        fault = find_fault_of(sensor, plain, chosen)
+        fault = find_fault(sensor, plain.data, chosen)
         causes = causes if fault is None else []  # these are of samples with the fault
     if fault is not None or not done.fit.ended:
         return plain.verdict(reasons(plain, fault, causes, done), done)
@@ -301,23 +297,10 @@ def first_fit(
     clean, large = undo_large_causes(sensor, plain, chosen, settings)
     if clean.promising or not clean.hopeless:
         return clean, None, large
-    is_better, fault = clean.is_better_than(plain), find_fault_of(sensor, plain, chosen)
+    is_better, fault = clean.is_better_than(plain), find_fault(sensor, plain.data, chosen)
     if fault is not None and not (fault.is_block and is_better and clean.fit.ended):
         return plain_fit(sensor, screened.undo(fault), chosen, settings), fault, []
     return (clean, None, large) if is_better else (plain, None, [])
-
-
-def find_fault_of(sensor: Sensor, plain: Plain, chosen: Choice) -> Explanation | None:
-    """A fault of the table, or something that jumped, that explains a bad fit."""
-    return find_fault(sensor, plain.data, chosen, steps_of(sensor, plain))
-
-
-def steps_of(sensor: Sensor, plain: Plain) -> list[Alternative]:
-    """What jumped, as far as a bad fit shows it."""
-    try:
-        return steps_as_changes(Remainder(sensor, plain.data, plain.fit, ROBUST_SIGMAS))
-    except (InputError, np.linalg.LinAlgError):
-        return []
 
 
 def undo_large_causes(
@@ -486,7 +469,7 @@ def settled_findings(
         fitted = exclude_shade(result, plain.original, done.outliers)
     said = cause_findings(causes) + outliers
     judged = findings(done.sensor, result, done.data)
-    least = LEAST_SHARE * max((cause.best.fall for cause in causes), default=0.0)
+    least = LEAST_SCORE_FRACTION * max((cause.best.fall for cause in causes), default=0.0)
     if not any(finding.bad and not finding.causes for finding in judged):  # else they take up more
         said += effect_findings(remainder, least) + scatter_findings(done.scatter, least)
     said += half_findings(compare_halves(remainder))

@@ -99,7 +99,7 @@ def repeat_six_rows(raw, pose):
         ),
         pytest.param(
             slip_by_a_row,
-            "(in them, the reference's rows stand one row below where they belong)",
+            "(in them, the reference's rows are one row below where they belong)",
             marks=pytest.mark.slow,
         ),
         (convert_pincushion_currents_as_another_kind, "sensor.electronics.kind to pincushion"),

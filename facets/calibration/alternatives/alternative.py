@@ -129,9 +129,9 @@ class Alternative:
     take, in the imperative.  measurement: one that distinguishes it from others, in the imperative.
 
     It acts in one of three ways.  By columns: `test` takes a `Remainder` and returns the part of
-    the residuals that they explain, `size` describes that in words, and `in_use` returns the
-    columns that apply when poses are measured, if the motion or the state is then another one.  By
-    a `change` of the samples that undoes it.  Or by a larger `variance` of quantities, by name.
+    the residuals that they explain, and `size` describes that in words.  `in_use` returns other
+    columns that apply when poses are measured, in another motion or state.  By a `change` of the
+    samples that undoes it.  Or by a larger `variance` of quantities, by name.
 
     refuses: whether a calibration with it is never to be trusted; without, only if it moves the
     poses by more than is stated.  general: whether it represents its group as a whole, so that

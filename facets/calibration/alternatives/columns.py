@@ -116,9 +116,9 @@ def facet_columns(remainder: Residuals, letters: Iterable[str] = DETECTORS) -> F
 def laser_columns(remainder: Residuals) -> Floats:
     """The relative change of the laser's power, as the fit's own unknown if it has that."""
     columns: Floats = unknown_columns(remainder, ("beam.power",)) * remainder.sensor.beam.power
-    if columns.any():
-        return columns
-    return power_columns(remainder, (0, 1, 2)).sum(axis=2, keepdims=True)
+    if not columns.any():
+        columns = power_columns(remainder, (0, 1, 2)).sum(axis=2, keepdims=True)
+    return columns
 
 
 #: Prior standard uncertainties of what light that returns into the laser does: displacements of
@@ -295,7 +295,8 @@ def fringes(remainder: Residuals) -> Floats:
     angle = np.arange(FRINGE_DIRECTIONS) * np.pi / FRINGE_DIRECTIONS
     along = place @ np.array([np.cos(angle), np.sin(angle)])
     phase = (2 * np.pi * along[:, :, None] / FRINGE_PERIODS_MM).reshape(len(place), -1).T
-    return np.stack([np.cos(phase), np.sin(phase)], axis=-1) * envelope[:, None]
+    bases: Floats = np.stack([np.cos(phase), np.sin(phase)], axis=-1) * envelope[:, None]
+    return bases
 
 
 def window_columns(remainder: Residuals, k: int) -> Floats:
@@ -386,8 +387,8 @@ def dust_columns(remainder: Residuals, places: Floats) -> Floats:
 
 
 #: Prior standard uncertainties of the reference's errors: relative errors of scale; distances of
-#: its lines of measurement, mm; angles between its axes, rad; and bows of its lengths and angles at
-#: the ends of the motion, mm and rad.
+#: its lines of measurement, mm; angles between its axes, rad.  And of bows of its lengths and
+#: angles at the ends of the motion, mm and rad.
 REFERENCE_SIGMAS = {"scale": 5e-3, "abbe": 10.0, "squareness": 5e-3}
 BOW_SIGMAS = np.repeat([5e-3, 2e-5], 3)
 

@@ -1,9 +1,8 @@
-"""Faults of the table: alternatives that change the samples. Each is undone in turn, and the fit
-tried again.
+"""Faults of the table: alternatives that change the samples, each undone in turn before a fit.
 
-A sign, two detectors exchanged, another order of the angles or a wrong unit leave residuals that
-look like nothing in particular, and some of them hide in an unknown: a swapped sign in a scale of
--2, another order of angles in a detector that seems bent. So each is tried as a hypothesis.
+A wrong sign, exchanged detectors, another order of the angles or a wrong unit leave residuals
+without a recognisable form. Some of them hide in an unknown: a swapped sign in a scale of -2,
+another order of angles in the errors of a detector. So each is tried as a hypothesis.
 """
 
 from __future__ import annotations
@@ -35,23 +34,24 @@ from .score import likeliest_states
 Change = Callable[[Data], Data]
 ColumnChange = Callable[[Floats], Floats]
 
-#: Samples and steps of a first trial and of a last.
+#: Numbers of samples and steps of a first trial and of a last one.
 SAMPLES, STEPS = (30, 120), (4, 12)
-#: How many of the best may be one of two faults.
-PARTNERS = 6
-#: A hypothesis explains a fit where it lowers chi-square by this factor, and leaves residuals of so
-#: many times the noise at most; or more, which real light leaves, but chi-square lower by a factor
-#: than the next best.
+#: Number of the best hypotheses that are tried in pairs with all others.
+PAIRED_COUNT = 6
+#: A hypothesis explains a fit if it lowers chi-square to this fraction, and the residuals to this
+#: many times the noise. Larger residuals, as real light causes, are accepted if chi-square is lower
+#: than that of the next best hypothesis by the last factor.
 LEAST_REDUCTION, GOOD_SIGMAS, CLEAR_GAP = 0.4, 5.0, 3.0
-#: A fault that leaves chi-square within this factor of the best one's cannot be told from it.
+#: Faults whose chi-square is within this factor of the best one's are indistinguishable from it.
 ALIKE_FACTOR = 1.5
-#: Rows are strays where their residuals are so many times those of the others; entering or leaving
-#: a block of them costs so many rows; how many there are at least, and at most.
-STRAY_FACTOR, STRAY_COST, LEAST_STRAY, MOST_STRAY_SHARE = 5.0, 4.0, 8, 0.6
-#: Residuals over the noise that no light of a bench leaves.
+#: Rows are strays if their residuals are this many times those of the others. Entering or leaving a
+#: block of them costs this many rows; a block has this number of rows or more, and up to this
+#: fraction of all.
+STRAY_FACTOR, STRAY_COST, LEAST_STRAY, MAX_STRAY_FRACTION = 5.0, 4.0, 8, 0.6
+#: Residuals, relative to the noise, that no light of a bench causes.
 WORST_LIGHT_SIGMAS = 17.0
-#: Amplifiers saturate where of the currents beyond this quantile so many come too small.
-LARGEST, MOST_INWARD = 0.9, 0.8
+#: Amplifiers saturate if this fraction of the currents above this quantile are too small.
+LARGE_QUANTILE, INWARD_FRACTION = 0.9, 0.8
 
 
 def table_fault(words: str, remedy: str, change: Change, general: bool = False) -> Alternative:
@@ -88,20 +88,20 @@ def scale(columns: Any, factor: float) -> ColumnChange:
 
 
 def permute(order: Sequence[int]) -> ColumnChange:
-    """Take the columns in another order."""
+    """Reorder the columns."""
     return lambda values: values[:, order]
 
 
 def exchange(a: int, b: int, count: int) -> ColumnChange:
-    """Exchange two of a number of columns."""
+    """Exchange two of `count` columns."""
     order = list(range(count))
     order[a], order[b] = b, a
     return permute(order)
 
 
 def swapped_signs() -> Iterator[Alternative]:
-    """Hypotheses that a sign is swapped: of a reading on one detector or on all, or of an axis of
-    the reference."""
+    """Hypotheses of a swapped sign: of a coordinate on one detector or on all, or of an axis of the
+    reference."""
     for n, kind in enumerate(("psi", "zeta")):
         for k in (0, 1, 2, slice(None)):
             of = "all detectors" if isinstance(k, slice) else f"detector {'ABC'[k]}"
@@ -132,7 +132,7 @@ def exchanged_readings() -> Iterator[Alternative]:
             change_readings(permute([3 * k + n for k in order for n in range(3)])),
         )
     for a, b in combinations(range(9), 2):
-        if (a % 3 == 2) == (b % 3 == 2):  # a place and a power are never taken for each other
+        if (a % 3 == 2) == (b % 3 == 2):  # nobody takes a place for a power
             yield table_fault(
                 f"{name_pair(a, b)} are exchanged",
                 "exchange them",
@@ -141,7 +141,7 @@ def exchanged_readings() -> Iterator[Alternative]:
 
 
 def name_pair(a: int, b: int) -> str:
-    """Two of the nine readings, by name."""
+    """Name two of the nine readings."""
     (first, letter), (second, other_letter) = ((f"{KINDS[n % 3]}", "ABC"[n // 3]) for n in (a, b))
     if letter == other_letter:
         return f"{first} and {second} of detector {letter}"
@@ -151,21 +151,20 @@ def name_pair(a: int, b: int) -> str:
 
 
 def rotations(pose: Floats, order: str) -> Floats:
-    """Rotation matrices (n, 3, 3) of angles that are taken about fixed axes in some order."""
+    """Rotation matrices (n, 3, 3) of angles about fixed axes in the given order."""
     about = np.zeros((len(pose), 3, 3, 3))
     for n in range(3):
         only = np.zeros((len(pose), 3))
         only[:, n] = pose[:, 3 + n]
         about[:, n] = rotation_matrix(only)
-    whole = np.eye(3)
+    matrices = np.eye(3)
     for axis in order:
-        whole = about[:, "xyz".index(axis)] @ whole
-    return whole
+        matrices = about[:, "xyz".index(axis)] @ matrices
+    return matrices
 
 
 def angle_orders() -> Iterator[Alternative]:
-    """Hypotheses that the reference's angles are taken in another order, or that it gives the
-    inverse rotation."""
+    """Hypotheses of another order of the reference's angles, or of the inverse rotation."""
 
     def replace_angles(matrices: Callable[[Floats], Floats]) -> Change:
         return change_pose(lambda pose: np.hstack([pose[:, :3], rotation_angles(matrices(pose))]))
@@ -187,10 +186,10 @@ def angle_orders() -> Iterator[Alternative]:
 
 
 def shifted_rows() -> Iterator[Alternative]:
-    """Hypotheses that the reference's rows stand one row beside those of the readings."""
+    """Hypotheses that the reference's rows are shifted by one row."""
     for words, by in (("below", 1), ("above", -1)):
         yield table_fault(
-            f"the reference's rows stand one row {words} where they belong",
+            f"the reference's rows are one row {words} where they belong",
             "move them",
             partial(shift_reference, by=by),
         )
@@ -205,7 +204,7 @@ def shift_reference(data: Data, by: int) -> Data:
 
 
 def reference_axes() -> Iterator[Alternative]:
-    """Hypotheses that axes of the reference are exchanged, or turned by quarters of a turn."""
+    """Hypotheses that axes of the reference are exchanged or turned by multiples of 90 degrees."""
     for a, b in ((0, 1), (3, 4)):
         yield table_fault(
             f"the reference's {POSE[a]} and {POSE[b]} are exchanged",
@@ -221,7 +220,7 @@ def reference_axes() -> Iterator[Alternative]:
 
 
 def turn_axes(pose: Floats, quarters: int) -> Floats:
-    """Poses (n, 6) whose x and y axes are turned by quarters of a turn about z."""
+    """Turn the x and y axes of poses (n, 6) by multiples of 90 degrees about z."""
     turned = pose.copy()
     for _ in range(quarters):
         for x in (0, 3):
@@ -230,7 +229,7 @@ def turn_axes(pose: Floats, quarters: int) -> Floats:
 
 
 def wrong_units() -> Iterator[Alternative]:
-    """Hypotheses that lengths, angles or powers are given in another unit."""
+    """Hypotheses of another unit of lengths, angles or powers."""
     degree = np.pi / 180 * 1000
     lengths, angles, powers = slice(3), slice(3, 6), slice(2, 9, 3)
     for words, factor in (
@@ -258,7 +257,7 @@ def wrong_units() -> Iterator[Alternative]:
 
 
 def detector_kinds(sensor: Sensor) -> Iterator[Alternative]:
-    """Hypotheses that currents were converted for another kind of detector: straightened or not."""
+    """Hypotheses that currents were converted by the formula of another kind of detector."""
     for words, convert, kind in (
         ("a tetra-lateral's and were not straightened", tetra_lateral_places, "tetra-lateral"),
         (
@@ -277,8 +276,8 @@ def detector_kinds(sensor: Sensor) -> Iterator[Alternative]:
 def convert_places(
     sensor: Sensor, convert: Callable[[Floats, float], Floats], raw: Floats
 ) -> Floats:
-    """Readings (n, 9) with places (mm) converted by a function of places in half sizes and of the
-    aspect; those on a detector with a place beyond its edge, where the unit is another, stay."""
+    """Convert the places in readings (n, 9), mm, by a function of places in half sizes and of the
+    detector's aspect ratio, except on detectors with places beyond their edges, in other units."""
     converted = raw.copy()
     for k, psd in enumerate(sensor.psds):
         half = np.array([psd.size_y, psd.size_z]) / 2
@@ -295,19 +294,18 @@ def saturation(sensor: Sensor) -> Alternative:
         "saturated", "electronics", "amplifiers saturate (the largest currents are smaller than "
         "a fit to the others expects)",
         "use a range with room above the largest current, or less light",
-        change=partial(leave_out_large_currents, sensor),
+        change=partial(exclude_large_currents, sensor),
     )  # fmt: skip
 
 
 def largest_currents(sensor: Sensor, data: Data) -> tuple[Floats, Floats]:
-    """The largest current of each detector (n, 3), in mW, and the places (n, 3, 2) in half
-    sizes."""
+    """The largest current of each detector (n, 3), mW, and the places (n, 3, 2) in half sizes."""
     parts = data.raw.reshape(-1, 3, 3)
     places = parts[:, :, :2] / half_sizes(sensor)
     return parts[:, :, 2] * (1 + np.abs(places).max(axis=2)) / 2, places
 
 
-def leave_out_large_currents(sensor: Sensor, data: Data) -> Data:
+def exclude_large_currents(sensor: Sensor, data: Data) -> Data:
     current, _ = largest_currents(sensor, data)
     small = current <= np.nanmedian(current)
     raw = np.where(np.repeat(small, 3, axis=1), data.raw, np.nan)
@@ -318,10 +316,9 @@ def leave_out_large_currents(sensor: Sensor, data: Data) -> Data:
 
 
 def subsample(sensor: Sensor, data: Data, count: int) -> Data:
-    """Some samples, all over the motion, with the noise of the mirror at rest.
+    """Samples at equal intervals, with the noise of the mirror at rest.
 
-    A fault in the powers would change the noise of each sample, and so the scale on which fits are
-    compared.
+    A fault in the powers would change the noise of the samples, on which the comparison depends.
     """
     rows = np.linspace(0, len(data.raw) - 1, min(count, len(data.raw))).astype(np.int64)
     part = data.part(np.unique(rows))
@@ -332,7 +329,7 @@ def subsample(sensor: Sensor, data: Data, count: int) -> Data:
 def short_fit_of(
     sensor: Sensor, data: Data, chosen: Choice, steps: int
 ) -> tuple[Task, Guess | None]:
-    """A fit after some steps; None where it makes no sensor."""
+    """Fit for some steps; None if the sensor becomes impossible."""
     task = Descent(sensor, data, chosen, 3.0)
     with suppress(InputError, np.linalg.LinAlgError):
         at = task.guess(task.start, solve_open_axes(data, sensor))
@@ -341,22 +338,22 @@ def short_fit_of(
 
 
 def mean_square(task: Task, at: Guess) -> float:
-    """Mean squares of the residuals and of how far unknowns are from where they were thought to be.
+    """The mean square of the residuals plus that of the unknowns' distances from their priors.
 
-    Robust, so that spikes hide no cure. Each mean is over its own number: a sign that hides in a
-    scale of -2 is one unknown among a thousand readings.
+    The first is robust, so that spikes do not hide a fault. The means are separate, since a sign
+    that hides in a scale of -2 is one unknown among a thousand readings.
     """
-    there = np.isfinite(task.data.raw)
-    before = (at.values - task.start)[task.choice.places]
-    size = NORMAL_MEDIAN * float(np.median(np.abs(at.residual[there])))
-    return size**2 + float(before @ task.prior @ before) / len(before)
+    is_read = np.isfinite(task.data.raw)
+    distance = (at.values - task.start)[task.choice.places]
+    size = NORMAL_MEDIAN * float(np.median(np.abs(at.residual[is_read])))
+    return size**2 + float(distance @ task.prior @ distance) / len(distance)
 
 
 class Explanation(NamedTuple):
     """An explanation of a bad fit.
 
-    faults: one fault, or two at once.  before, after: the residuals over the noise, as the data are
-    and with the faults undone.  others: faults that explain the data as well.
+    faults: one fault, or two at once.  before, after: the residuals relative to the noise, with the
+    faults and with the faults undone.  others: faults that explain the data equally well.
     """
 
     faults: tuple[Alternative, ...]
@@ -366,22 +363,22 @@ class Explanation(NamedTuple):
 
     @property
     def finding(self) -> Finding:
-        what = ", and ".join(fault.words for fault in self.faults)
-        two = len(self.faults) > 1
+        faults = ", and ".join(fault.words for fault in self.faults)
+        are_two = len(self.faults) > 1
         remedies = "; ".join(fault.remedy for fault in self.faults)
         others = " or that ".join(
-            " and ".join(fault.words for fault in faults) for faults in self.others
+            " and ".join(fault.words for fault in rivals) for rivals in self.others
         )
         rest = f" It could be that {others} as well: these samples cannot tell." if others else ""
         return Finding(True, (
-            f"Probably {'two faults at once: ' if two else ''}{what}: with that undone, the "
+            f"Probably {'two faults at once: ' if are_two else ''}{faults}: with that undone, the "
             f"residuals fall from {self.before:.3g} to {self.after:.3g} times the noise. "
             f"{capitalise(remedies)}, and calibrate again.{rest}"
         ), tuple(fault.key for fault in self.faults))  # fmt: skip
 
     @property
     def is_block(self) -> bool:
-        """Whether it is a block of rows of which only that is known."""
+        """Whether it is a block of rows whose fault is unknown."""
         return self.faults[0].general
 
     def undo(self, data: Data) -> Data:
@@ -389,17 +386,14 @@ class Explanation(NamedTuple):
         return undo(data, self.faults)
 
 
-def find_fault(
-    sensor: Sensor, data: Data, chosen: Choice, causes: list[Alternative]
-) -> Explanation | None:
-    """The fault that explains a bad fit best, or the two; None where none does.
+def find_fault(sensor: Sensor, data: Data, chosen: Choice) -> Explanation | None:
+    """Find the fault, or the two faults, that explain a bad fit best; None if none does.
 
-    Single faults are tried first; two at once only where no single one leaves residuals as small as
-    real light and scatter do.  causes: further alternatives that change the samples.
+    Pairs are tried only if no single fault leaves residuals as small as real light and scatter do.
     """
     trials = Trials(sensor, data, chosen)
     before = trials.trial((), 1)
-    every = [*table_faults(sensor), *causes]
+    every = list(table_faults(sensor))
     if is_saturated(sensor, data, chosen):
         every.append(saturation(sensor))
     single = trials.rank([(hypothesis,) for hypothesis in every])
@@ -419,8 +413,11 @@ def find_fault(
 def find_stray_rows(
     sensor: Sensor, data: Data, chosen: Choice, before: float
 ) -> Explanation | None:
-    """A block of rows that a fit to a third of the others does not describe, and the fault of the
-    table in it, if one mends them; None where there is no such block.  before: the residuals."""
+    """Find a block of rows that a fit to a third of the others does not describe; None if there is
+    none.  The explanation names the fault of the table in these rows, if one fits them.
+
+    before: the residuals of the fit, relative to the noise.
+    """
     count, at, used = len(data.raw), None, slice(0)
     level = WORST_LIGHT_SIGMAS**2
     for n in range(3):
@@ -434,7 +431,7 @@ def find_stray_rows(
     sizes = row_residuals(sensor, data, chosen, at)
     usual = float(np.median(sizes[used]))
     block = likeliest_states(np.where(sizes > STRAY_FACTOR * usual, 1.0, -1.0), STRAY_COST)
-    if not LEAST_STRAY <= block.sum() <= MOST_STRAY_SHARE * count:
+    if not LEAST_STRAY <= block.sum() <= MAX_STRAY_FRACTION * count:
         return None
     numbers, rest = row_numbers(data)[block], data.part(block)
     every = list(table_faults(sensor))
@@ -448,52 +445,46 @@ def find_stray_rows(
         words += f" (in them, {every[mended[0][1]].words})"
     elif before <= GOOD_SIGMAS or level > LEAST_REDUCTION * before**2:
         return None
-    remedy = "mend these rows, or leave them out: look for columns, units and rows that were moved"
-    leave_out = partial(leave_rows_out, numbers[0], numbers[-1])
-    fault = table_fault(words, remedy, leave_out, general=not is_clear)
+    remedy = "mend these rows, or delete them: look for columns, units and rows that were moved"
+    exclude = partial(exclude_rows, numbers[0], numbers[-1])
+    fault = table_fault(words, remedy, exclude, general=not is_clear)
     return Explanation((fault,), before, level**0.5, ())
 
 
-def leave_rows_out(first: int, last: int, data: Data) -> Data:
+def exclude_rows(first: int, last: int, data: Data) -> Data:
     rows = row_numbers(data)
     return data.part((rows < first) | (rows > last))
 
 
 def is_saturated(sensor: Sensor, data: Data, chosen: Choice) -> bool:
-    """Whether spots of the largest currents lie nearer to the middle than a fit to the smaller half
-    has them."""
-    dim = subsample(sensor, leave_out_large_currents(sensor, data), SAMPLES[1])
+    """Whether spots of the largest currents are nearer to the centre than a fit to the smaller half
+    predicts."""
+    dim = subsample(sensor, exclude_large_currents(sensor, data), SAMPLES[1])
     _, at = short_fit_of(sensor, dim, chosen, STEPS[1])
     if at is None:
         return False
     current, places = largest_currents(sensor, data)
-    left = residuals_at(whole_task(sensor, data, chosen), at).reshape(-1, 3, 3)
-    left = left[:, :, :2] * np.sign(places)
+    residuals = residuals_at(sensor, data, chosen, at).reshape(-1, 3, 3)
+    residuals = residuals[:, :, :2] * np.sign(places)
     axis = np.abs(np.nan_to_num(places)).argmax(axis=2)[:, :, None]
-    outward = np.take_along_axis(left, axis, axis=2)[:, :, 0]
-    largest = outward[current > np.nanquantile(current, LARGEST)]
-    return bool((largest < -GOOD_SIGMAS).mean() > MOST_INWARD)
+    outward = np.take_along_axis(residuals, axis, axis=2)[:, :, 0]
+    largest = outward[current > np.nanquantile(current, LARGE_QUANTILE)]
+    return bool((largest < -GOOD_SIGMAS).mean() > INWARD_FRACTION)
 
 
 def row_residuals(sensor: Sensor, data: Data, chosen: Choice, at: Guess) -> Floats:
     """The largest residual (n,) of each row's places at the common unknowns of a fit to others."""
-    sizes: Floats = np.abs(residuals_at(whole_task(sensor, data, chosen), at)[:, PLACES]).max(
-        axis=1
-    )
+    sizes: Floats = np.abs(residuals_at(sensor, data, chosen, at)[:, PLACES]).max(axis=1)
     return sizes
 
 
-def whole_task(sensor: Sensor, data: Data, chosen: Choice) -> Task:
-    """The fit of all rows."""
-    return Task(sensor, subsample(sensor, data, len(data.raw)), chosen, 3.0)
-
-
-def residuals_at(task: Task, at: Guess) -> Floats:
-    """Residuals (n, 9) at the common unknowns of a fit to others; the laser's power is not known,
-    and what is not read has none."""
-    left: Floats = task.guess(at.values, solve_open_axes(task.data, task.nominal)).residual
-    left[~np.isfinite(task.data.raw)] = 0.0
-    return left
+def residuals_at(sensor: Sensor, data: Data, chosen: Choice, at: Guess) -> Floats:
+    """Residuals (n, 9) of all rows at the common unknowns of a fit to others, with the laser's
+    power unknown; 0 for missing readings."""
+    task = Task(sensor, subsample(sensor, data, len(data.raw)), chosen, 3.0)
+    residuals: Floats = task.guess(at.values, solve_open_axes(task.data, sensor)).residual
+    residuals[~np.isfinite(data.raw)] = 0.0
+    return residuals
 
 
 class Trials(NamedTuple):
@@ -504,19 +495,19 @@ class Trials(NamedTuple):
     chosen: Choice
 
     def trial(self, faults: tuple[Alternative, ...], n: int) -> float:
-        """Chi-square for each reading after a first trial (0) or a last one (1)."""
+        """Chi-square per reading after a first trial (0) or a last one (1)."""
         data = subsample(self.sensor, undo(self.data, faults), SAMPLES[n])
         task, at = short_fit_of(self.sensor, data, self.chosen, STEPS[n])
         return np.inf if at is None else mean_square(task, at)
 
     def rank(self, several: list[tuple[Alternative, ...]]) -> Ranking:
-        """Give each of several faults a first trial, and the best of them a last one."""
+        """Try all faults briefly, and the best of them again."""
         first = sorted((self.trial(faults, 0), n) for n, faults in enumerate(several))
         last = sorted((self.trial(several[n], 1), n) for _, n in first[:EXACT_TRIALS])
         return Ranking(
             [level for level, _ in last],
             [several[n] for _, n in last],
-            [several[n] for _, n in first[:PARTNERS]],
+            [several[n] for _, n in first[:PAIRED_COUNT]],
         )
 
 
@@ -528,10 +519,10 @@ def undo(data: Data, faults: tuple[Alternative, ...]) -> Data:
 
 
 class Ranking(NamedTuple):
-    """Faults in the order of the chi-square that they leave when they are undone.
+    """Faults in the order of chi-square with each of them undone.
 
-    levels, faults: chi-square for each reading, and the faults that had a last trial, the best
-    first.  partners: the best faults of the first trials, each of which may be one of two.
+    levels, faults: chi-square per reading, and the faults of the last trials, the best first.
+    partners: the best faults of the first trials, each of which may be one of two.
     """
 
     levels: list[float]

@@ -21,18 +21,18 @@ def score_columns(
     key: str,
     columns: Floats,
     sigma: Floats | float = np.inf,
-    least: float = LEAST_FREE_FRACTION,
+    threshold: float = LEAST_FREE_FRACTION,
 ) -> Trace:
     """Score columns (n, 9, q).
 
-    sigma: prior standard uncertainty of their amounts.  least: directions of which the unknowns
+    sigma: prior standard uncertainty of their amounts.  threshold: directions of which the unknowns
     leave less than this fraction of the square are excluded.
     """
     columns = remainder.readable(columns)
     square, matrix, side = remainder.equations(columns)
     prior = np.broadcast_to(np.asarray(sigma, dtype=float) ** -2.0, side.shape)
-    fall, amounts, count = falls_of(square[None], matrix[None], side[None], prior, least)
-    is_partial = least > LEAST_FREE_FRACTION
+    fall, amounts, count = falls_of(square[None], matrix[None], side[None], prior, threshold)
+    is_partial = threshold > LEAST_FREE_FRACTION
     return Trace(key, float(fall[0]), float(count[0]), columns, amounts[0], 0.0, (), prior,
                  is_partial)  # fmt: skip
 
@@ -165,13 +165,13 @@ def falls_of(
     matrix: Floats,
     side: Floats,
     prior: Floats | None = None,
-    least: float = LEAST_FREE_FRACTION,
+    threshold: float = LEAST_FREE_FRACTION,
 ) -> tuple[Floats, Floats, Floats]:
     """Falls (m,), amounts (m, q) and numbers of columns (m,) that the unknowns do not explain.
 
     squares: (m, q, q) of the columns.  matrix: these less what the unknowns explain.  side: (m, q).
     prior: prior information (q,) on the amounts, which counts as a part of a column that the
-    unknowns explain.  least: see `score_columns`.
+    unknowns explain.  threshold: see `score_columns`.
     """
     size = np.diagonal(squares, axis1=1, axis2=2) + (0.0 if prior is None else prior)
     scale = np.sqrt(np.maximum(size, 1e-300))
@@ -181,7 +181,7 @@ def falls_of(
     aim = (np.swapaxes(ways, 1, 2) @ (side / scale)[:, :, None])[:, :, 0]
     fraction = np.einsum("mij,mik,mkj->mj", ways, scaled, ways)
     free = fraction / np.maximum(level, 1e-300)
-    is_free = fraction > least
+    is_free = fraction > threshold
     level = np.where(is_free, level, 1.0)
     step = np.where(is_free, aim / level, 0.0)
     amounts = (ways @ step[:, :, None])[:, :, 0] / scale
