@@ -1,11 +1,11 @@
-"""The command `facets`. One file per subcommand; what is heavy is imported inside the command.
+"""The command `facets`. Each subcommand has a file; heavy modules are imported inside it.
 
 Exit status, of every command:
 
 0    The command succeeded.
-1    The command succeeded and wrote its results, but found something that needs attention: a claim
-     that was missed or not proved, a table without a solved row, too many lost samples, or a
-     picture that could not be drawn.
+1    The command wrote its results, but something needs attention: a claim was missed or not
+     proved, no row of a table was solved, too many samples were lost, or a picture could not be
+     drawn.
 2    The command failed: an argument, a file or the place for the results cannot be used, or the
      standard output could not be written. No file is left half-written.
 130  The command was interrupted by ^C (143: by SIGTERM, 129: by closing the terminal, SIGHUP).
@@ -108,7 +108,7 @@ def app_for_arguments() -> typer.Typer:
 
 def _version(is_requested: bool) -> None:
     if is_requested:
-        typer.echo(f"facets {__version__}")
+        print(f"facets {__version__}")
         raise typer.Exit
 
 
@@ -118,7 +118,7 @@ def _root(
         typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
     ] = False,
 ) -> None:
-    """Options that stand before the command."""
+    """Options before the command."""
 
 
 def program() -> None:

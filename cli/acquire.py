@@ -189,7 +189,7 @@ def run_to_end(run: live.Run, screen: AbstractContextManager[Show]) -> None:
 def check_results(run: live.Run, write: Path | None) -> None:
     """Print the result of the stage's check and the reasons for exit status 1, if any."""
     for text in run.check_sentences(write):
-        typer.echo(text)
+        print(text)
     reasons = run.complaints()
     for reason in reasons:
         tell(f"exit status 1: {reason}")

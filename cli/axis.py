@@ -12,7 +12,7 @@ import facets
 from facets import axis_tests, core, files, live, pictures
 from facets.core.errors import InputError
 
-from .console import FINDING, draw_beside
+from .console import FINDING, draw_extra
 from .options import ConfigOption, Force, Look, Plot, PlotKind, Point, Style, folder_option
 from .options.places import choose_point
 from .parts.recordings import solve_recording
@@ -61,7 +61,7 @@ CommandTable = Annotated[
     typer.Option(
         "--commands",
         metavar="FILE",
-        help="Table of the commanded positions in their order, one row for each stand: the column "
+        help="Table of the commanded positions in their order, one row for each dwell: the column "
         "position_mm or position_um (position_deg, position_mrad or position_urad), and optionally "
         "direction (1 or -1).  [default: equally spaced positions are found]",
     ),
@@ -81,7 +81,7 @@ Dwell = Annotated[
         "--dwell",
         min=1e-3,
         max=1e5,
-        help="Shortest time for which the axis stands still at a position, s.",
+        help="Shortest dwell of the axis at a position, s.",
     ),
 ]
 
@@ -103,13 +103,13 @@ def axis(
 
         facets axis recordings/run --axis X --commands commands.csv
 
-    Finds the times at which the axis stood still, assigns them to the commanded positions, and
+    Finds the dwells of the axis, assigns them to the commanded positions, and
     computes positioning, straightness and angular errors (ISO 230-1: EXX, EYX ... ECX) at each
     position. Repeated runs in both directions give the reversal error B, the repeatability R, the
     systematic error E and the accuracy A of ISO 230-2, each with its expanded uncertainty by the
     sensor. Writes a page, a picture, tables by position and of all quantities, a compensation table
-    for controllers, and a record of the run into the folder. Stands that are far off and drift are
-    named, with the quantities without them; the compensation leaves both out. A table of poses
+    for controllers, and a record of the run into the folder. Outlying dwells and drift are
+    reported, with the quantities without them, and excluded from the compensation. A table of poses
     needs --config. Exit status 1, and no compensation table, if the axis was not found at some
     commanded positions.
     """
@@ -164,8 +164,8 @@ def write(report: AxisReport, results: ResultFolder, title: str) -> None:
     page, picture, positions, quantities, compensation, _ = results.paths
     results.write_table(positions, report.table())
     results.write_table(quantities, report.summary())
-    draw_beside(picture, pictures.axis.axis_picture, report)
-    draw_beside(page, pictures.axis.axis_page, report, title, results.about)
+    draw_extra(picture, pictures.axis.axis_picture, report)
+    draw_extra(page, pictures.axis.axis_page, report, title, results.about)
     if report.counts.missing:
         files.whole.remove_older(compensation)
     else:

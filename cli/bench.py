@@ -6,8 +6,6 @@ import math
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 import facets
 from facets import bench as benchmarks, core, files
 
@@ -49,13 +47,13 @@ def bench(
     files.tables.write_table(folder / TABLE, columns, facts(seed))
     for task in dict.fromkeys(columns["task"]):
         cells = [cells_of(row) for row in rows if row["task"] == task]
-        show_table(task, ["way", *HEADINGS.values()], cells, left=[0])
+        show_table(task, ["way", *HEADINGS.values()], cells, left_columns=[0])
     if not benchmarks.rivals.has_compiler():
-        typer.echo("The exported C was left out: gcc is not installed.")
+        print("The exported C was left out: gcc is not installed.")
     if not quick:  # its short batches take longer
         for sentence in benchmarks.table.slower_rows(rows):
-            typer.echo(sentence)
-    typer.echo(f"{folder / TABLE}: processor times")
+            print(sentence)
+    print(f"{folder / TABLE}: processor times")
 
 
 def cells_of(row: dict[str, Any]) -> list[str]:

@@ -115,23 +115,28 @@ class Conversion:
     """
 
     def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
-        described = param.type_descriptor
-        kind, option = described.annotation, described.parameter_info
+        kind = param.type_descriptor.annotation
         if value is None:
             return () if param.multiple or param.nargs == -1 else None
         if kind == list[str]:
             return list(value)
-        low = -inf if option.min is None else option.min
-        high = inf if option.max is None else option.max
         try:
             converted = kind(value)
-        except ValueError:
-            raise typer.BadParameter(why_unusable(kind, value), ctx=ctx, param=param) from None
-        if isinstance(converted, int | float) and not low <= converted <= high:
-            allowed = f"{low:,} or more" if high == inf else f"{low:,} to {high:,}"
-            reason = f"{value} is out of range; allowed: {allowed}"
-            raise typer.BadParameter(reason, ctx=ctx, param=param)
+            if isinstance(converted, int | float):
+                require_in_range(converted, param)
+        except ValueError as error:
+            reason = str(error) if "allowed" in str(error) else why_unusable(kind, value)
+            raise typer.BadParameter(reason, ctx=ctx, param=param) from None
         return converted
+
+
+def require_in_range(number: float, option: Any) -> None:
+    """Raise `ValueError` for a number outside of an option's range."""
+    low = -inf if option.min is None else option.min
+    high = inf if option.max is None else option.max
+    if not low <= number <= high:
+        allowed = f"{low:,} or more" if high == inf else f"{low:,} to {high:,}"
+        raise ValueError(f"{number:,} is out of range; allowed: {allowed}")
 
 
 def why_unusable(kind: type[Any], text: str) -> str:

@@ -47,10 +47,10 @@ def check(
     failed = False
     for file in files:
         try:
-            typer.echo(f"ok  {file}: {summary(configuration.load(file))}")
+            print(f"ok  {file}: {summary(configuration.load(file))}")
         except ConfigError as error:
             failed = True
-            typer.echo(message(error), err=True)
+            print(message(error), file=sys.stderr)
     if failed:
         raise typer.Exit(BAD_INPUT)
 
@@ -76,7 +76,7 @@ def schema() -> None:
     """
     import json
 
-    typer.echo(json.dumps(configuration.schema(), indent=2))
+    print(json.dumps(configuration.schema(), indent=2))
 
 
 @app.command("list", cls=PlainCommand)
@@ -88,7 +88,7 @@ def list_() -> None:
     Prints the name of each configuration and what it is for.
     """
     for name in configuration.shipped():
-        typer.echo(f"{name}: {configuration.purpose(name)}")
+        print(f"{name}: {configuration.purpose(name)}")
 
 
 def summary(config: Config) -> str:

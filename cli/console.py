@@ -10,8 +10,6 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import typer
-
 import facets
 from facets import config as configuration, pictures
 from facets.files.whole import STANDARD_STREAM, remove_older, write_text
@@ -40,22 +38,22 @@ def message(error: Exception) -> str:
 
 
 def load_config(name: str) -> Config:
-    """Load a configuration; print which one it is if a shipped name is also a file here."""
-    here = next((f for f in (Path(f"{name}.yaml"), Path(f"{name}.yml")) if f.is_file()), None)
+    """Load a configuration; report which one is used if a shipped name is also that of a file."""
+    own = next((f for f in (Path(f"{name}.yaml"), Path(f"{name}.yml")) if f.is_file()), None)
     if (
         name in configuration.shipped()
-        and here is not None
-        and not here.samefile(configuration.shipped()[name])
+        and own is not None
+        and not own.samefile(configuration.shipped()[name])
     ):
-        typer.echo(
-            f"{name}: the shipped configuration is used, not ./{here}; give {here} to use the file",
-            err=True,
+        print(
+            f"{name}: the shipped configuration is used, not ./{own}; give {own} to use the file",
+            file=sys.stderr,
         )
     return facets.load(name)
 
 
 def report_coverage(about: Mapping[str, str]) -> None:
-    """Print what expanded uncertainties state.  about: of `coverage.describe_coverage`."""
+    """Print the coverage of expanded uncertainties.  about: see `describe_coverage`."""
     probability = 100 * float(about["coverage_probability"])
     text = (
         f"Expanded uncertainties: coverage probability {probability:g} %; degrees of freedom of "
@@ -75,13 +73,15 @@ def wrap(text: str) -> str:
 
 
 def report_lines(text: str) -> None:
-    """Print a text beside a result, indented, in lines that fit a terminal."""
-    typer.echo(fill(text, 98, initial_indent="  ", subsequent_indent="  "))
+    """Print a note on a result, indented, in lines that fit a terminal."""
+    print(fill(text, 98, initial_indent="  ", subsequent_indent="  "))
 
 
-def draw_beside(path: Path, make: Callable[..., Any], *values: Any) -> None:
-    """Write the picture or the page that `make` returns beside tables; a function that writes the
-    file returns None. If that fails, the tables remain."""
+def draw_extra(path: Path, make: Callable[..., Any], *values: Any) -> None:
+    """Write a picture or a page in addition to tables, which remain if this fails.
+
+    make: returns the picture or the page's text, or writes the file itself and returns None.
+    """
     try:
         drawing = make(*values)
         if isinstance(drawing, str):
@@ -92,35 +92,38 @@ def draw_beside(path: Path, make: Callable[..., Any], *values: Any) -> None:
         undrawn.append(path)
         remove_older(path)
         what = str(error).strip().partition("\n")[0]
-        typer.echo(f"{path}: not drawn: {type(error).__name__}: {what}", err=True)
+        print(f"{path}: not drawn: {type(error).__name__}: {what}", file=sys.stderr)
 
 
-def leave_out_picture(path: Path, why: str) -> None:
-    """Print that there is nothing to draw, and remove an older picture."""
+def skip_picture(path: Path, why: str) -> None:
+    """Report why no picture is drawn, and remove an older one."""
     remove_older(path)
-    typer.echo(f"No picture was drawn: {why}.")
+    print(f"No picture was drawn: {why}.")
 
 
 def show_table(
-    title: str, headings: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)
+    title: str,
+    headings: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    left_columns: Sequence[int] = (0,),
 ) -> None:
     """Print a table; on a terminal that is too narrow, a block of lines for each row.
 
-    left: indices of the left-aligned columns; the others hold numbers.
+    left_columns: indices of the left-aligned columns; the others hold numbers.
     """
     widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
     lines = [title] * bool(title)
     if sum(widths) + 2 * len(widths) <= shutil.get_terminal_size((10_000, 24)).columns:
         for row in (headings, *rows):
             cells = [
-                cell.ljust(width) if n in left else cell.rjust(width)
+                cell.ljust(width) if n in left_columns else cell.rjust(width)
                 for n, (cell, width) in enumerate(zip(row, widths, strict=True))
             ]
             lines.append(f" {'  '.join(cells)}".rstrip())
     else:
         for row in rows:
             lines += stack_row(headings, row)
-    typer.echo("\n".join(lines) + "\n")
+    print("\n".join(lines) + "\n")
 
 
 def stack_row(headings: Sequence[str], row: Sequence[str]) -> list[str]:
@@ -136,9 +139,9 @@ def stack_row(headings: Sequence[str], row: Sequence[str]) -> list[str]:
 
 @contextmanager
 def show_progress(task: str) -> Iterator[Callable[[float, float | None], None]]:
-    """Show a bar for a task on a terminal; yields the function that takes what is done, of what.
+    """Show a bar for a task on a terminal; yields a callback `(completed, total)`.
 
-    Where a report finds that an interruption was swallowed, the task ends there.
+    The callback ends the task if an interruption was swallowed.
     """
     if not sys.stderr.isatty():
         yield lambda *_: signals.check()
@@ -146,18 +149,18 @@ def show_progress(task: str) -> Iterator[Callable[[float, float | None], None]]:
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with Progress(console=Console(stdfile=sys.stderr), transient=True) as progress:
         row = progress.add_task(task, total=None)
 
-        def report(done: float, whole: float | None) -> None:
+        def report(completed: float, total: float | None) -> None:
             signals.check()
-            progress.update(row, completed=done, total=whole)
+            progress.update(row, completed=completed, total=total)
 
         yield report
 
 
 def track(items: Iterable[Item], task: str, count: int) -> Iterator[Item]:
-    """Yield items with a bar on a terminal.  count: of the items."""
+    """Yield items, with a bar on a terminal.  count: number of items."""
     with show_progress(task) as on_progress:
         for number, item in enumerate(items, 1):
             yield item

@@ -106,18 +106,16 @@ def emulate(
     finally:
         reference = write_reference(bench, settings, seed)
     with suppress(OSError):  # the terminal may be gone
-        typer.echo("\n".join([*bench.summary(), *reference, *commands]))
+        print("\n".join([*bench.summary(), *reference, *commands]))
 
 
 def announce(bench: live.virtual.Bench, settings: Config) -> None:
     """Print the ports of the bench and the files that it writes."""
-    typer.echo(
-        f"board: {bench.folder / 'board'}   stage: {bench.stage.link} ({settings.stage.driver})"
-    )
+    print(f"board: {bench.folder / 'board'}   stage: {bench.stage.link} ({settings.stage.driver})")
     if bench.truth:
         path = bench.folder / "truth.bin"
-        typer.echo(f"The true states are written to {path}, {size_of(bench.rate)}.")
-    typer.echo("running; ^C ends it")
+        print(f"The true states are written to {path}, {size_of(bench.rate)}.")
+    print("running; ^C ends it")
 
 
 def write_reference(bench: live.virtual.Bench, settings: Config, seed: int) -> list[str]:

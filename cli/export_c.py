@@ -6,8 +6,6 @@ import shlex
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from facets import files, firmware
 from facets.core.errors import InputError
 
@@ -42,10 +40,10 @@ def export_c(
         for path, text in paths.items():
             files.whole.write_text(place / path, text)
     shown = ", ".join(str(path) for path in paths if path.parent == Path())
-    typer.echo(f"{place}/: {shown}, and the files in teensy41/ and callers/")
+    print(f"{place}/: {shown}, and the files in teensy41/ and callers/")
     if settings.sensor.thermal.is_on:
-        typer.echo(
+        print(
             "The C code does not follow the temperature: its poses hold at sensor.temperature's "
             f"reference, {settings.sensor.thermal.reference:.4g} degrees Celsius."
         )
-    typer.echo(f"next: make -C {shlex.quote(str(place))} test")
+    print(f"next: make -C {shlex.quote(str(place))} test")

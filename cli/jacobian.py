@@ -42,8 +42,8 @@ Box = Annotated[
     str | None,
     typer.Option(
         metavar="NAME=HALF|LOW:HIGH,...",
-        help="Box of states, such as tx_mm=5,yaw_mrad=-10:20,offset_x_mm=0.1 (mm and mrad); axes "
-        "left out stay at zero.  [default: the range of each axis, by the block `range`]",
+        help="Box of states, such as tx_mm=5,yaw_mrad=-10:20,offset_x_mm=0.1 (mm and mrad); other "
+        "axes stay at zero.  [default: the range of each axis, by the block `range`]",
     ),
 ]
 SearchWorst = Annotated[
@@ -114,7 +114,7 @@ def jacobian(
 
 
 def choose_box(settings: Config, box: str | None) -> tuple[StateBox, float | None]:
-    """Return the box, and the least share of light for a proof, by the rules or by the box."""
+    """Return the box and, by the rules, the least fraction of light for a proof; None for --box."""
     boxes = characterization.state_box
     if box is not None:
         return boxes.parse_box(box), None

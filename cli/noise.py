@@ -12,7 +12,7 @@ import facets
 from facets import config as configuration, files, live, noise_analysis, pictures
 from facets.core.names import POSE, STATE_COLUMNS
 
-from .console import FINDING, draw_beside, show_progress, show_table, wrap
+from .console import FINDING, draw_extra, show_progress, show_table, wrap
 from .options import (
     ConfigOption,
     Force,
@@ -84,33 +84,33 @@ def write_results(
     about = files.provenance.provenance_header(settings)
     with files.tables.ResultSet():
         if paths:
-            draw_beside(paths[0], pictures.noise.page, report, title, about)
+            draw_extra(paths[0], pictures.noise.page, report, title, about)
             files.tables.write_table(paths[1], noise_analysis.noise_report.table_of(report), about)
         if write:
             block = noise_analysis.noise_report.noise_block(report, settings.resolved)
             text = files.provenance.configuration(settings, block, about)
             files.whole.write_text(write, text)
     if paths:
-        typer.echo(f"{paths[0].parent}/")
+        print(f"{paths[0].parent}/")
     if write:
-        typer.echo(f"{write}")
+        print(f"{write}")
 
 
 def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | None) -> None:
     """Print why a recording does not show the noise; exit status 1."""
-    typer.echo(f"{recording}: {noise_analysis.rest.NOT_NOISE}:")
+    print(f"{recording}: {noise_analysis.rest.NOT_NOISE}:")
     for fault in faults:
-        typer.echo(f"  {fault}")
+        print(f"  {fault}")
     places = [*([f"{paths[0].parent}/"] if paths else []), *([str(write)] if write else [])]
-    typer.echo(noise_analysis.rest.REMEDY)
+    print(noise_analysis.rest.REMEDY)
     if places:
-        typer.echo(f"Not written: {', '.join(places)}.")
+        print(f"Not written: {', '.join(places)}.")
     raise typer.Exit(FINDING)
 
 
 def show_channels(report: NoiseReport) -> None:
     """Print a line for each channel."""
-    typer.echo(
+    print(
         f"{report.samples} samples, {report.seconds:.4g} s at {report.rate:.6g} Hz, "
         f"{report.missing} missing"
     )
@@ -121,7 +121,7 @@ def show_channels(report: NoiseReport) -> None:
             f"{line.frequency:.2f} Hz"
             for line in model.lines[:3]
         )
-        typer.echo(
+        print(
             f"  {channel.name:<12} {model.standard_deviation:8.3g} {channel.unit:<4} (configured "
             f"{channel.configured:.3g})  white {model.white_deviation:.3g}  drift "
             f"{model.drift.value:.2g}/s  spikes {model.spikes}{lines}"
@@ -129,14 +129,14 @@ def show_channels(report: NoiseReport) -> None:
     show_pose_noise(report)
     if report.noise_pairs:
         first, other, size = report.noise_pairs[0]
-        typer.echo(wrap(
+        print(wrap(
             f"- The noises of detectors go together (correlation {size:.2g} of {first} and "
             f"{other}, {len(report.noise_pairs)} pairs in all), as by a supply or a reference "
             "voltage that they share, or a mirror that vibrates. `solve` takes them as "
             "independent, unless `calibrate` found what they share; the poses above have all of it."
         ))  # fmt: skip
     if not report.faults:
-        typer.echo(
+        print(
             f"  sensor.noise: position_um {1e3 * report.position:.4g} at {report.at_power:g} mW, "
             f"power_uw {1e3 * report.power:.4g}; {1e6 * report.common:.3g} ppm are common to the "
             "powers"
@@ -164,5 +164,5 @@ def show_pose_noise(report: NoiseReport) -> None:
     show_table(
         f"noise of the pose, {1 / report.seconds:.3g} to {report.rate / 2:.4g} Hz: density per "
         "sqrt(Hz) of white and flicker noise; Allan deviation by averaging time",
-        headings, rows, left=(0, 1),
+        headings, rows, left_columns=(0, 1),
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,7 @@ import typer
 
 from facets import config as configuration, core, files
 
-from .console import FINDING, draw_beside, load_config
+from .console import FINDING, draw_extra, load_config
 from .options import (
     Certify,
     ConfigName,
@@ -30,7 +31,7 @@ from .parts.layout_search import layout_for_yield, rounded_layout, search, write
 from .sentences.certificate import prove_design
 from .sentences.design_pages import NewLayout, show_layout, write_report
 
-REPORT = "the layout and its drawing, with a 3D scene beside it (FILE.gltf)"
+REPORT = "the layout and its drawing, with a 3D scene in FILE.gltf"
 
 
 def optimize(
@@ -58,8 +59,8 @@ def optimize(
     every combination of parts from the catalogue, if there is one. Prints which requirements limit
     the optimum; if no layout meets all of them, prints which exclude each other and ends with exit
     status 1. Writes a configuration that extends CONFIG by the new values, rounded to values that
-    can be manufactured, and beside it a table and a picture that compare it with CONFIG. With
-    `optimize.production.yield_percent` the layout has margins, so that this share of the
+    can be manufactured, and a table and a picture that compare it with CONFIG. With
+    `optimize.production.yield_percent` the layout has margins, so that this percentage of the
     manufactured heads meets the requirements. With an object in the configuration or --point, the
     volume, the ranges and the uncertainties are those of the object's displacement from its pose at
     the mirror's zero.
@@ -86,8 +87,8 @@ def optimize(
             layout = NewLayout(settings, optimum, rounded, better)
             table, sections = show_layout(layout, paths, proved, heads)
             if report:
-                draw_beside(report, write_report, layout, table, sections, *pages)
+                draw_extra(report, write_report, layout, table, sections, *pages)
     if isinstance(better, str):
-        typer.echo(f"{path} is written, but does not load:\n{better}", err=True)
+        print(f"{path} is written, but does not load:\n{better}", file=sys.stderr)
         raise typer.Exit(FINDING)
-    typer.echo(", ".join([str(path), *(file.name for file in (*paths, *pages) if file.exists())]))
+    print(", ".join([str(path), *(file.name for file in (*paths, *pages) if file.exists())]))

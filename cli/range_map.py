@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from enum import StrEnum
 from itertools import combinations
 from pathlib import Path
@@ -12,7 +13,7 @@ import typer
 from facets import characterization, pictures
 from facets.core.names import POSE
 
-from .console import INTERRUPTED, draw_beside, load_config, track
+from .console import INTERRUPTED, draw_extra, load_config, track
 from .options import (
     At,
     ConfigName,
@@ -116,7 +117,7 @@ def range_map(
             for boundary in boundaries
             if inside
         ]
-        draw_beside(picture, pictures.ranges.ranges_picture, boundaries, maps, inside or "")
+        draw_extra(picture, pictures.ranges.ranges_picture, boundaries, maps, inside or "")
         traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
         results.write_record({"tracking": rules.tracking, "points": traced})
     results.name()
@@ -132,5 +133,5 @@ def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Floats) -> list[
     except KeyboardInterrupt:
         if not outlines:
             raise
-        typer.echo(f"interrupted: {len(outlines)} of {len(pairs)} outlines are done", err=True)
+        print(f"interrupted: {len(outlines)} of {len(pairs)} outlines are done", file=sys.stderr)
     return outlines

@@ -147,7 +147,7 @@ def render(
         write_film(settings, states, form, path, frame_rate, exaggerate)
     else:
         draw(settings, state, form, path, extras(settings, view, motion, recording, track))
-    typer.echo(f"{path}")
+    print(f"{path}")
 
 
 def refuse_together(

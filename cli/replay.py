@@ -91,7 +91,7 @@ def replay(
             page.following(poses) if page else poses, output, compare, config
         )
         with free_output(output):
-            typer.echo("\n".join([*sentences, *written]))
+            print("\n".join([*sentences, *written]))
         if page and is_same:
             page.stay(tell)
     require_poses(playback)

@@ -49,7 +49,7 @@ def reproduce(
     report = folder / "report.html"
     files.tables.refuse_to_overwrite([report], force)
     files.tables.refuse_to_overwrite([folder / f"{name}.csv" for name in wanted], force=True)
-    typer.echo(f"{'':11}  {'':4}  {'paper':>9}  {'ours':>9}  {'ratio':>7}")
+    print(f"{'':11}  {'':4}  {'paper':>9}  {'ours':>9}  {'ratio':>7}")
     results = []
     with files.tables.ResultSet():
         for result in run(wanted, quick, folder):
@@ -59,7 +59,7 @@ def reproduce(
     missed = [result.name for result in results if not result.repeats]
     seconds = sum(result.seconds for result in results)
     told = f"changed: {', '.join(missed)}" if missed else "all repeat the stored references"
-    typer.echo(f"\n{len(results)} experiments in {seconds:.1f} s; {told}\n{report}")
+    print(f"\n{len(results)} experiments in {seconds:.1f} s; {told}\n{report}")
     if missed:
         raise typer.Exit(FINDING)
 
@@ -69,14 +69,14 @@ def show(result: ExperimentResult) -> None:
     from facets.experiments.report import number
 
     verdict = "repeats" if result.repeats else "CHANGED"
-    typer.echo(f"\n{result.name:11}  {verdict}  {result.title} ({result.seconds:.1f} s)")
+    print(f"\n{result.name:11}  {verdict}  {result.title} ({result.seconds:.1f} s)")
     met, count = result.agreement
     if count:
-        typer.echo(f"{'':11}  within 10 % of the paper: {met} of {count} results")
+        print(f"{'':11}  within 10 % of the paper: {met} of {count} results")
     for claim in result.claims:
         numbers = f"{number(claim.paper):>9}  {number(claim.ours):>9}  {number(claim.ratio):>7}"
-        typer.echo(f"{'':11}  {'':4}  {numbers}  {claim.unit:9}  {claim.what}")
+        print(f"{'':11}  {'':4}  {numbers}  {claim.unit:9}  {claim.what}")
     for check in result.checks:
         if not check.repeats:
             off = "has other rows" if check.off != check.off else f"{check.off:.3g} times too far"
-            typer.echo(f"{'':11}  CHANGED  {check.column}: {off} (allowed: {check.allowed})")
+            print(f"{'':11}  CHANGED  {check.column}: {off} (allowed: {check.allowed})")

@@ -12,7 +12,7 @@ from facets.core.names import POSE
 
 from .console import (
     FINDING,
-    draw_beside,
+    draw_extra,
     load_config,
     report_coverage,
     report_lines,
@@ -102,7 +102,7 @@ def resolution(
     with results.publish(settings, more=stated) as (table, picture, _, *beside):
         columns = characterization.tables.resolution_columns(resolutions, densities, coverage)
         results.write_table(table, columns)
-        draw_beside(picture, pictures.resolution.budget_picture, resolutions)
+        draw_extra(picture, pictures.resolution.budget_picture, resolutions)
         request.write(beside, propagated)
         entries = {"tracking": track, "estimators": [row.how.name for row in resolutions]}
         results.write_record(entries | request.record(propagated), seed if trials else None)
@@ -138,7 +138,7 @@ def show(resolutions: list[Resolution], coverage: float | None = None) -> None:
     report_lines(f"The box, +-, all six axes at once: {', '.join(box)}.")
     finer = resolutions[0].worst / resolutions[-1].worst
     gains = ", ".join(f"{name} {gain:.3g}" for name, gain in zip(POSE, finer, strict=True))
-    typer.echo(f"with the beam known, finer than the paper's inversion by: {gains}\n")
+    print(f"with the beam known, finer than the paper's inversion by: {gains}\n")
 
 
 def show_densities(

@@ -11,7 +11,7 @@ import typer
 from facets import core, pictures, responses
 from facets.core.errors import InputError
 
-from .console import FINDING, draw_beside
+from .console import FINDING, draw_extra
 from .options import (
     ConfigOption,
     Force,
@@ -174,18 +174,18 @@ def response(
             results.write_table(rows, responses.frequency_response.response_table(estimate))
             title = f"{form.value.replace('-', ' ').capitalize()}, {inputs[n]}, {source}"
             make = pictures.response.response_picture
-            draw_beside(picture, make, estimate, units[n], title, bandwidth)
+            draw_extra(picture, make, estimate, units[n], title, bandwidth)
         if uff is not None:
             output_node = responses.universal_file.Node(node, body.point)
             every = list(zip(converted, channels, strict=True))
             responses.universal_file.write_universal_file(uff, every, output_node, results.about)
     for n, (signals, receptance) in enumerate(estimates):
         if signals.others.size:
-            typer.echo(f"{inputs[n]}, without what goes with the other inputs:")
+            print(f"{inputs[n]}, without what goes with the other inputs:")
         show_response(signals, receptance, chosen, units[n], body.text, bandwidth)
     results.name()
     if uff is not None:
-        typer.echo(f"{uff}")
+        print(f"{uff}")
     silent = responses.findings.silent_axes
     if any(silent(receptance).all() for _, receptance in estimates):
         raise typer.Exit(FINDING)

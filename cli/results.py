@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from facets import files
 
 if TYPE_CHECKING:
@@ -73,4 +71,4 @@ class ResultFolder:
 
 def name_files(folder: Path, paths: Sequence[Path]) -> None:
     """Print the files of a folder that exist."""
-    typer.echo(f"{folder}/: {', '.join(file.name for file in paths if file.exists())}")
+    print(f"{folder}/: {', '.join(file.name for file in paths if file.exists())}")

@@ -9,7 +9,7 @@ import typer
 
 from facets import config as configuration, estimation, pictures, simulation
 
-from .console import FINDING, draw_beside, load_config, report_lines
+from .console import FINDING, draw_extra, load_config, report_lines
 from .options import (
     ConfigName,
     Covariance,
@@ -92,7 +92,7 @@ def simulate(
         print_segment(segment, settings.object)
         for sentence in segment.measurement.zero_sentences():
             report_lines(sentence)
-        typer.echo()
+        print()
     for sentence in segments[0].measurement.tally.sentences(settings):
         report_lines(sentence)
     results.name()
@@ -110,7 +110,7 @@ def write(results: ResultFolder, segments: list[Segment], with_reference: bool) 
     readings, poses, picture, _ = results.paths
     results.write_table(readings, columns)
     results.write_table(poses, simulation.run.pose_table(segments))
-    draw_beside(picture, pictures.motion.motion_picture, segments)
+    draw_extra(picture, pictures.motion.motion_picture, segments)
     for segment in segments:
         commands = results.folder / f"commands-{segment.name}.csv"
         simulation.axis_runs.write_commands(commands, settings.motions[segment.name], about)

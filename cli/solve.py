@@ -167,12 +167,12 @@ def solve(
 def report(measurement: estimation.Measurement, lines: list[int], output: Path) -> None:
     """Print what became of the rows.  lines: the first that are not numbers."""
     tally = measurement.tally
-    typer.echo(f"{tally.solved_count} of {tally.statuses.total()} rows solved: {output}")
+    print(f"{tally.solved_count} of {tally.statuses.total()} rows solved: {output}")
     for status, number in tally.statuses.items():
         if status != "converged":
-            typer.echo(f"  {number} {status}")
+            print(f"  {number} {status}")
     if lines:
         more = " ..." if tally.statuses["unparsable"] > len(lines) else ""
-        typer.echo(f"  not numbers in line {', '.join(map(str, lines))}{more}")
+        print(f"  not numbers in line {', '.join(map(str, lines))}{more}")
     for sentence in measurement.sentences():
         report_lines(sentence)

@@ -6,8 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from facets import core
 from facets.core.errors import InputError
 from facets.core.names import FINE_COLUMNS
@@ -58,7 +56,7 @@ def tolerances(
     names = [f"{name}.{table.value}" for name in ("tolerances", "heads")]
     results = ResultFolder(output_folder(folder, settings.name, "tolerances"), names, force)
     if replace(settings.layout, object=None) == core.layout.Layout():
-        typer.echo(
+        print(
             f"{settings.name} has no block `optimize`, so that the heads are judged by its default "
             "requirements (see `facets config show`).\n"
         )

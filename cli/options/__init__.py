@@ -1,7 +1,7 @@
 """Arguments and options that several commands have, each declared once.
 
-An option has one name, one type and one meaning in all commands. What a command adds to the meaning
-stands after a colon in its help text, and a default in words stands in brackets at the end.
+An option has one name, one type and one meaning in all commands. In its help text the meaning in a
+command follows a colon, and a default in words is in brackets at the end.
 """
 
 from __future__ import annotations
@@ -98,14 +98,14 @@ def motion_option(use: str, default: str = "") -> Any:
     )
 
 
-def heads_option(least: str, default: str = "") -> Any:
+def heads_option(use: str, default: str = "") -> Any:
     """`--heads N`."""
     return option(
         "--heads",
         min=0,
         max=10**6,
         help="Number of sensor heads to simulate for the yield, with the tolerances in "
-        f"`calibrate.before`: {least}.{describe_default(default)}",
+        f"`calibrate.before`: {use}.{describe_default(default)}",
     )
 
 
@@ -159,8 +159,8 @@ At = Annotated[
     option(
         "--at",
         metavar="NAME=NUMBER,...",
-        help="Pose of the mirror, such as tz_mm=1,yaw_mrad=2 (mm and mrad); coordinates left out "
-        "are zero.",
+        help="Pose of the mirror, such as tz_mm=1,yaw_mrad=2 (mm and mrad); omitted "
+        "coordinates are zero.",
         autocompletion=completion.assignments(completion.state_names),
     ),
 ]
@@ -187,8 +187,7 @@ Covariance = Annotated[
     bool,
     option(
         "--covariance",
-        help="Also write the whole covariance of each pose, as the 21 columns cov_tx_tx_mm2 and so "
-        "on.",
+        help="Also write the covariance of each pose, as the 21 columns cov_tx_tx_mm2 and so on.",
     ),
 ]
 Certify = Annotated[
@@ -211,7 +210,7 @@ Track = Annotated[
     option(
         "--track",
         help="Make the beam follow the mirror in x and y (`facets acquire` moves the stage for "
-        "this). By default the beam stands still.",
+        "this). By default the beam is at rest.",
     ),
 ]
 WithReference = Annotated[

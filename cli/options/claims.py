@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 class Claim:
     """A claim to prove, with its sensors and states.
 
-    least_share: of the light, on each facet; None for the least anywhere in the box with its
-    offsets.  weakest: the weakest state that a search found, where to begin to look for a
-    counterexample.
+    least_share: least fraction of the light on each facet; None: the least anywhere in the box with
+    its offsets.  weakest: the weakest state that a search found, at which the search for a
+    counterexample starts.
     """
 
     settings: Config
@@ -47,10 +47,16 @@ def claim_for(
     factor: float | None,
     weakest: Floats | None,
 ) -> Claim:
-    """factor: of the standard uncertainties that are allowed for; None for the sensor as it is."""
-    known = None if factor is None else proof.tolerances.calibration_tolerances(settings, factor)
-    if least_share is not None and known is not None:
+    """Make the claim for a box.
+
+    factor: number of standard uncertainties within which the sensor's parameters lie; None: they
+    are exact.
+    """
+    tolerances = (
+        None if factor is None else proof.tolerances.calibration_tolerances(settings, factor)
+    )
+    if least_share is not None and tolerances is not None:
         least_share = characterization.state_box.least_share(
-            settings.sensor, settings.range, known.values[0]
+            settings.sensor, settings.range, tolerances.values[0]
         )
-    return Claim(settings, box, least_share, known, weakest)
+    return Claim(settings, box, least_share, tolerances, weakest)

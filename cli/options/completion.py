@@ -26,10 +26,10 @@ def motions(ctx: typer.Context, incomplete: str) -> list[str]:
     """Complete the motions of the configuration that was typed before."""
     name = ctx.params.get("config") or next(iter(ctx.args), "")  # before an option without a value
     try:
-        known = configuration.load(name).motions
+        names = configuration.load(name).motions
     except FacetsError:
         return []
-    return [name for name in known if name.startswith(incomplete)]
+    return [name for name in names if name.startswith(incomplete)]
 
 
 def assignments(
@@ -39,8 +39,8 @@ def assignments(
 
     def complete(incomplete: str) -> list[str]:
         before, comma, start = incomplete.rpartition(",")
-        given = [assignment.partition("=")[0] for assignment in before.split(",")]
-        offered = [f"{name}={value}" for name in names() if name not in given for value in values]
+        typed = [assignment.partition("=")[0] for assignment in before.split(",")]
+        offered = [f"{name}={value}" for name in names() if name not in typed for value in values]
         return [f"{before}{comma}{word}" for word in offered if word.startswith(start)]
 
     return complete

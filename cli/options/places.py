@@ -38,8 +38,8 @@ def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
     """Read NAME=NUMBER,... in the order of the names, mm and rad; zero for omitted names."""
     numbers = [0.0] * len(names)
     form = "NAME=NUMBER"
-    given = {} if text is None else assignments(text, "--at", names, form)
-    for name, value in given.items():
+    values = {} if text is None else assignments(text, "--at", names, form)
+    for name, value in values.items():
         number = names.index(name)
         try:
             numbers[number] = plain_number(value) * STATE_UNITS[number]
@@ -78,7 +78,7 @@ def choose_point(settings: Config, text: str | None) -> Config:
 
 
 def object_rules(settings: Config, track: bool) -> Rules:
-    """The rules of the range, of the axes of the configuration's object."""
+    """The rules of the range, for the axes of the configuration's object."""
     return replace(settings.range, tracking=track, object=settings.object)
 
 
@@ -91,11 +91,10 @@ def displacement_at(settings: Config, text: str | None) -> Floats:
 
 
 def report_object(settings: Config) -> None:
-    """Print whose axes the tables have, unless they are the mirror's."""
-    import typer
+    """Print to which object the axes of the tables belong, unless it is the mirror."""
 
     if settings.object is not None:
-        typer.echo(f"axes: displacement of the object, {settings.object.text}\n")
+        print(f"axes: displacement of the object, {settings.object.text}\n")
 
 
 def zero_of(text: str | None) -> ZeroRequest | None:

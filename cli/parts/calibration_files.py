@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -16,7 +17,7 @@ from facets import calibration, characterization, config as configuration, files
 from facets.core.errors import FacetsError
 from facets.core.names import DETECTORS, STATE_COLUMNS
 
-from ..console import FINDING, draw_beside, free_output, wrap
+from ..console import FINDING, draw_extra, free_output, wrap
 from ..options import require_html, require_yaml
 
 if TYPE_CHECKING:
@@ -78,10 +79,10 @@ def write_results(settings: Config, verdict: Verdict, paths: CalibrationFiles) -
         try:
             calibrated = facets.load(trial)
         except FacetsError as error:
-            typer.echo(
+            print(
                 f"The fitted values make no configuration that can be loaded ({error}); nothing "
                 "was written. Check the signs and units of the columns.",
-                err=True,
+                file=sys.stderr,
             )
             raise typer.Exit(FINDING) from None
         beside = [(source, path.with_name(source.name)) for source in bent.values()]
@@ -93,12 +94,12 @@ def write_results(settings: Config, verdict: Verdict, paths: CalibrationFiles) -
                 table, calibration.table.unknowns_table(verdict.search.sensor, verdict.fit), about
             )
             make = pictures.calibration.residual_picture
-            draw_beside(picture, make, verdict.fitted, verdict.fit, verdict.errors)
+            draw_extra(picture, make, verdict.fitted, verdict.fit, verdict.errors)
             if (page := paths.report) is not None:
                 files_of_page = (page, paths.sources, [trial, matrix])
-                draw_beside(page, write_page, settings, calibrated, verdict, files_of_page)
+                draw_extra(page, write_page, settings, calibrated, verdict, files_of_page)
     written = [*paths.results[1:], *filter(None, [paths.report])]
-    typer.echo(", ".join([str(path), *(file.name for file in written if file.exists())]))
+    print(", ".join([str(path), *(file.name for file in written if file.exists())]))
 
 
 def write_page(
@@ -181,4 +182,4 @@ def write_proposal(settings: Config, path: Path, count: int, force: bool) -> Non
         "that backlash of the reference shows."
     )
     with free_output(path):
-        typer.echo(wrap(text))
+        print(wrap(text))

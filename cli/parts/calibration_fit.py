@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -34,9 +35,9 @@ def fit_rig(
         if groups
         else calibration.table.choice(settings.sensor, options)
     )
-    typer.echo(f"{len(samples.raw)} samples, {len(unknowns.names)} unknowns of the rig")
+    print(f"{len(samples.raw)} samples, {len(unknowns.names)} unknowns of the rig")
     if unknowns.joint:
-        typer.echo(
+        print(
             f"{len(unknowns.joint.names)} of them are known before by the covariance of CONFIG; "
             f"changes are looked for in: {', '.join(groups)}."
         )
@@ -53,11 +54,12 @@ def fit_rig(
     settings, verdict = choose_power(settings, options, verdict)
     show_verdict(settings, verdict)
     if verdict.sensor is None or not (verdict.is_trusted or accept_misfit):
-        typer.echo(
-            "The calibration failed its checks (lines with !); nothing was written.", err=True
+        print(
+            "The calibration failed its checks (lines with !); nothing was written.",
+            file=sys.stderr,
         )
         if verdict.sensor is not None:
-            typer.echo("To write it nevertheless, add --accept-misfit.", err=True)
+            print("To write it nevertheless, add --accept-misfit.", file=sys.stderr)
         raise typer.Exit(FINDING)
     return settings, verdict
 
@@ -79,7 +81,7 @@ def read_samples(settings: Config, paths: CalibrationFiles) -> tuple[Data, Calib
     if reference is None:
         return calibration.table.read(data, options), options
     joined = calibration.reference_join.join_tables(data, reference, settings.sensor, options)
-    typer.echo(
+    print(
         f"Joined {reference.name} at an offset of {1e3 * joined.offset:.4g} ms (likeness of the "
         f"motions: {joined.likeness:.3f}; 1 is perfect)."
     )

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from facets import characterization, proof
 
 from ..console import show_progress
@@ -29,7 +27,7 @@ def prove(claim: Claim, work: int, file: Path, about: dict[str, str]) -> dict[st
     is_doubted = bool(not certificate.unique and certificate.share)
     pair = look_for_pair(claim, certificate) if is_doubted else None
     for line in [*describe_set(claim, certificate), *verdict(certificate, pair)]:
-        typer.echo(line)
+        print(line)
     return {
         "outcome": outcome(certificate, pair),
         "regular": certificate.regular,

@@ -11,7 +11,7 @@ import typer
 
 from facets import characterization, config as configuration, core, design, files, pictures
 
-from ..console import FINDING, draw_beside, leave_out_picture, show_progress, show_table
+from ..console import FINDING, draw_extra, show_progress, show_table, skip_picture
 from ..options import require_yaml
 from ..results import name_files
 from ..sentences.design_pages import write_gallery
@@ -41,11 +41,11 @@ class Exploration:
     def write_page(self, front: dict[str, Any], others: dict[str, Any] | None) -> None:
         if self.report is not None:
             page, made = self.report, (self.settings, self.space, front, others)
-            draw_beside(page, write_gallery, *made, page)
+            draw_extra(page, write_gallery, *made, page)
 
     def name_results(self, paths: list[Path]) -> None:
         if self.report is not None and self.report.exists():
-            typer.echo(f"{self.report}: the designs as a page")
+            print(f"{self.report}: the designs as a page")
         name_files(self.folder, paths)
 
 
@@ -54,7 +54,7 @@ def sample(job: Exploration, paths: list[Path], scheduler: str | None, force: bo
     core.extras.require_extra("pyarrow", "a search's parts")
     space, folder = job.space, job.folder
     if scheduler:
-        typer.echo(design.exploration.runs.cluster_words(scheduler))
+        print(design.exploration.runs.cluster_words(scheduler))
     # an interrupted run has written them
     files.tables.refuse_to_overwrite(paths, force=True)
     design.exploration.runs.prepare(folder, space, force)
@@ -74,15 +74,13 @@ def write(job: Exploration, paths: list[Path], seconds: float) -> None:
         files.tables.write_table(every, table, job.header)
         on_front = {name: column[best] for name, column in table.items()}
         files.tables.write_table(front_table, on_front, job.header)
-        typer.echo("\n".join(design.exploration.runs.summary(table, best, goals, indices, seconds)))
+        print("\n".join(design.exploration.runs.summary(table, best, goals, indices, seconds)))
         present = show_own_measures(space)
         drawing = pictures.exploration.front_picture(table, best, goals, indices, present)
         if drawing is None:
-            leave_out_picture(
-                picture, "the front needs at least two designs that have all objectives"
-            )
+            skip_picture(picture, "the front needs at least two designs that have all objectives")
         else:
-            draw_beside(picture, lambda: drawing)
+            draw_extra(picture, lambda: drawing)
         if best.any():
             job.write_page(design.exploration.gallery.best_of(table, goals, best), table)
     job.name_results(paths)
@@ -101,21 +99,21 @@ def follow_front(job: Exploration, points: int) -> None:
             pareto = design.exploration.front.pareto_front(space, points, space.seed, on_progress)
         seconds = time.perf_counter() - begin
         if not len(pareto.designs):
-            typer.echo("no design meets all requirements, as far as the search can tell")
+            print("no design meets all requirements, as far as the search can tell")
             raise typer.Exit(FINDING)
         table = design.exploration.front.columns(pareto)
         files.tables.write_table(paths[0], table, job.header)
         headings, rows = design.exploration.front.some_rows(pareto)
         title = f"{len(pareto.designs)} points on the front, {seconds:.1f} s; some of them"
-        show_table(title, headings, rows, left=(len(headings) - 1,))
+        show_table(title, headings, rows, left_columns=(len(headings) - 1,))
         if pareto.left_out:
-            typer.echo(
+            print(
                 f"{pareto.left_out} more are left out: measured again, they are not what was found"
             )
         cloud = design.exploration.runs.collect_older(space, job.folder)
         present = show_own_measures(space)
         make = pictures.exploration.pareto_picture
-        draw_beside(paths[1], make, table, goals, cloud, present)
+        draw_extra(paths[1], make, table, goals, cloud, present)
         job.write_page(table, cloud)
     job.name_results(paths)
 
@@ -125,7 +123,7 @@ def show_own_measures(space: Space) -> dict[str, float]:
     _, values, why = design.exploration.gallery.present_design(space)
     present = dict(zip(design.exploration.space.MEASURES, values.tolist(), strict=True))
     shown = ", ".join(f"{name} {present[name]:.4g}" for name in space.objectives)
-    typer.echo(f"as it is: {why or shown}")
+    print(f"as it is: {why or shown}")
     return present
 
 
@@ -138,10 +136,10 @@ def write_pick(
     files.tables.refuse_to_overwrite([path], force, configuration.source_files(settings))
     chosen = design.exploration.gallery.choose_design(settings, space, file, number)
     x, words = design.exploration.gallery.make_buildable(space, chosen)
-    typer.echo("\n".join(words))
+    print("\n".join(words))
     sensor = design.variables.sensor_of(space.sensor, space.names, x)
     about = files.provenance.provenance_header(settings) | {"design": f"{number} of {file.name}"}
     design.results.changes.write_design(settings, sensor, path, about)
     for key, before, after in design.results.changes.changes_of(settings, sensor):
-        typer.echo(f"  {key:<24} {before} -> {after}")
-    typer.echo(f"{path}: design {number} of {file}")
+        print(f"  {key:<24} {before} -> {after}")
+    print(f"{path}: design {number} of {file}")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import typer
 
 from facets import files, live, pictures, simulation
 from facets.core.errors import InputError
@@ -61,8 +60,9 @@ def write_film(
     ):
         pictures.render.write_film(picture, film, path, on_progress)
     if note := pictures.render.factor_in_words(factor, turning):
-        typer.echo(
-            f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True
+        print(
+            f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.",
+            file=sys.stderr,
         )
 
 

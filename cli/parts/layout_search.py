@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 
 from facets import design, files
+from facets.core.plain_numbers import count_text, short_number
+from facets.core.plain_numbers import short_number
 
 from ..console import FINDING, show_progress, show_table
 from ..options.places import report_object
@@ -24,33 +26,33 @@ SHOWN = 24
 
 
 def search(settings: Config) -> Optimum:
-    """Find the best layout; print all choices of parts and all starts; exit status 1 if no layout
-    meets all requirements."""
+    """Find the best layout and print all choices of parts and all starts; exit status 1 if no
+    layout meets all requirements."""
     with show_progress("searching") as on_progress:
         optimum = design.optimisation.search.optimize(settings.sensor, settings.layout, on_progress)
     if optimum.tried:
         headings, rows = design.results.tables.part_rows(optimum, settings.layout.aim)
-        left = (0, 1, 2, len(headings) - 1)
-        show_table("parts, the best first", headings, rows[:SHOWN], left=left)
+        left_columns = (0, 1, 2, len(headings) - 1)
+        show_table("parts, the best first", headings, rows[:SHOWN], left_columns=left_columns)
         if len(rows) < optimum.choices or len(rows) > SHOWN:
-            typer.echo(
+            print(
                 f"{len(rows)} of {optimum.choices} choices were tried; the others cannot be "
                 "better, or do not meet all requirements\n"
             )
     headings, rows = design.results.tables.start_rows(optimum, settings.layout.aim)
     report_object(settings)
-    show_table("starts, the best first", headings, rows, left=(len(headings) - 1,))
+    show_table("starts, the best first", headings, rows, left_columns=(len(headings) - 1,))
     if not optimum.best.found:
-        words = "no layout meets all that is asked for; these stand against each other:"
+        words = "No layout meets all requirements; these exclude each other:"
         refuse(words, optimum.best)
     return optimum
 
 
 def refuse(words: str, result: StartResult) -> NoReturn:
     """Print the conflicting requirements and end."""
-    typer.echo(words)
+    print(words)
     for group, gap in result.shortfalls.items():
-        typer.echo(f"  {group}: would have to give way by {100 * gap:.3g} % of its limit")
+        print(f"  {group}: would have to be relaxed by {short_number(100 * gap)} % of its limit")
     raise typer.Exit(FINDING)
 
 
@@ -58,7 +60,7 @@ def rounded_layout(optimum: Optimum) -> Rounded | None:
     """Round the layout to manufacturable values; None if only the exact layout meets all."""
     rounded = design.optimisation.rounding.round_design(optimum.problem, optimum.best.x)
     if rounded is None:
-        typer.echo(
+        print(
             "The layout was not rounded to manufacturable values, because no rounded layout nearby "
             "meets all requirements."
         )
@@ -73,16 +75,17 @@ def layout_for_yield(settings: Config, optimum: Optimum) -> Optimum:
         return optimum
     heads = design.tolerances.heads.HeadSettings(layout, settings.range, settings.calibrate)
     robust = design.tolerances.robust.robust_layout(optimum.problem, heads, optimum.best)
-    share = f"{100 * layout.production:g} %"
+    percent = f"{100 * layout.production:g} %"
     if not robust.result.found:
-        refuse(f"no layout was found of whose heads {share} keep all that is asked for; with "
-               f"margins of {robust.factor:.3g} of their spreads these stand against each other:",
+        refuse(f"No layout was found of whose heads {percent} meet all requirements; with margins "
+               f"of {robust.factor:.3g} of their spreads these exclude each other:",
                robust.result)  # fmt: skip
     was = design.results.tables.objective_text(layout.aim, optimum.best.objective)
-    typer.echo(
-        f"for {share} of the heads spots, light and limits are kept with {robust.factor:.3g} of "
-        f"the spreads that the tolerances give them (predicted {100 * robust.within_limits:.1f} %, "
-        f"{robust.rounds} rounds);\nfor perfect heads alone it would be: {was}\n"
+    print(
+        f"Spots, light and limits have margins of {robust.factor:.3g} of the spreads that the "
+        f"tolerances give them, for {percent} of the heads (predicted "
+        f"{100 * robust.within_limits:.1f} %, {count_text(robust.rounds, 'round')}).\n"
+        f"For perfect heads alone the objective would be: {was}\n"
     )
     return replace(optimum, results=[robust.result, *optimum.results], problem=robust.problem)
 

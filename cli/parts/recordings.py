@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import typer
-
 from facets import core, files, live
 
 from ..console import show_progress
@@ -21,7 +19,7 @@ def solve_recording(playback: live.Playback) -> Columns:
     pipeline = playback.pipeline
     sequence = pipeline.sequence
     if playback.damage.words or pipeline.parser.corrupt or sequence.lost or sequence.leaps:
-        typer.echo("\n".join(playback.sentences()))
+        print("\n".join(playback.sentences()))
     columns = files.columns.join_columns(parts) if parts else {}
     report_clock(columns)
     return columns
@@ -31,7 +29,7 @@ def report_clock(columns: Columns) -> None:
     """Print by how much a board's clock is off, if the times of the arrivals replace its own."""
     rate = files.columns.clock_rate(columns)
     if rate and rate < 1 - core.clocks.STANDSTILL:
-        typer.echo(
+        print(
             f"{core.clocks.describe_rate(rate)}. The times and frequencies here are those of the "
             "arrivals."
         )

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
-import typer
-
 from facets import live
 
 if TYPE_CHECKING:
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
 def tell(text: str) -> None:
     """Print to the standard error, which may be closed with its terminal."""
     with suppress(OSError):
-        typer.echo(text, err=True)
+        print(text, file=sys.stderr)
 
 
 @contextmanager
@@ -46,7 +44,7 @@ def display(state: live.Live, plain: bool, json: bool) -> Iterator[Show]:
         count = len(now.messages())
         if count != known or state.clock() - last >= interval_s:
             last, known = state.clock(), count
-            typer.echo(live.json_line(now) if json else live.plain_line(now))
+            print(live.json_line(now) if json else live.plain_line(now))
 
     yield print_line
 
@@ -55,6 +53,6 @@ def report(run: live.Run) -> None:
     """Print the outcome of the run, even if the output is closed."""
     with suppress(OSError):
         for text in live.summary(run.live):
-            typer.echo(text)
+            print(text)
         if run.recording:
-            typer.echo(f"{run.recording.folder}/")
+            print(f"{run.recording.folder}/")

@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
 from facets import characterization, pictures
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
-from ..console import draw_beside, leave_out_picture, track
+from ..console import draw_extra, skip_picture, track
 
 if TYPE_CHECKING:
     from facets.characterization.ambiguity import AmbiguousPair
@@ -32,13 +30,13 @@ def survey_box(sensor: Sensor, domain: StateBox, states: int, seed: int) -> Surv
 def draw_survey(picture: Path, survey: Survey, pair: AmbiguousPair | None) -> None:
     """Draw the survey and the pair, if there are two states with light to be drawn."""
     if survey.states - survey.dark > 1:
-        draw_beside(picture, pictures.singularity.survey_picture, survey, pair)
+        draw_extra(picture, pictures.singularity.survey_picture, survey, pair)
     else:
-        leave_out_picture(picture, "it needs at least two states with light")
+        skip_picture(picture, "it needs at least two states with light")
 
 
 def report(settings: Config, domain: StateBox, survey: Survey, seconds: float) -> None:
-    typer.echo(f"{settings.name}: {survey.states} states sampled in {seconds:.2f} s from the box")
+    print(f"{settings.name}: {survey.states} states sampled in {seconds:.2f} s from the box")
     for name, unit, low, high in zip(
         characterization.state_box.COLUMNS,
         characterization.state_box.UNITS,
@@ -46,24 +44,24 @@ def report(settings: Config, domain: StateBox, survey: Survey, seconds: float) -
         domain.high,
         strict=True,
     ):
-        typer.echo(f"  {name:<12} {low / unit:10.4g} to {high / unit:.4g}")
+        print(f"  {name:<12} {low / unit:10.4g} to {high / unit:.4g}")
     below, zero, above = survey.signs
-    typer.echo(
+    print(
         f"determinant without power_c: {above} above zero, {below} below"
         + (f", {zero} zero" if zero else "")
         + (f"; {survey.dark} states leave a detector without a reading" if survey.dark else "")
     )
     if survey.saturated:
-        typer.echo(
+        print(
             f"  {survey.saturated} states saturate a detector, so that the sensor reads nothing "
             "there;\n  they are counted all the same, and --box takes a smaller box"
         )
-    typer.echo(f"  from {survey.low[0]:.4g} to {survey.high[0]:.4g} (mm, mW, rad)")
-    typer.echo(
+    print(f"  from {survey.low[0]:.4g} to {survey.high[0]:.4g} (mm, mW, rad)")
+    print(
         "  with psi to the side y = z x x of detectors whose x points outward; the paper draws it\n"
         "  negative, as it is with psi mirrored"
     )
-    typer.echo(
+    print(
         f"smallest singular value: {survey.low[1]:.4g} to {survey.high[1]:.4g} standard "
         "deviations\n"
         f"  per µm or µrad; condition number {survey.low[2]:.4g} to {survey.high[2]:.4g}"
@@ -78,7 +76,7 @@ def show_weakest(title: str, sensor: Sensor, worst: Worst) -> None:
     )
     singularity = characterization.singularity
     direction = singularity.direction_in_words(singularity.weakest_direction(sensor, worst.state))
-    typer.echo(
+    print(
         f"{title}: smallest singular value {worst.values[1]:.4g}, for a change of {direction}\n"
         f"  at {place}"
     )
@@ -90,11 +88,11 @@ def search_and_report(sensor: Sensor, domain: StateBox, survey: Survey, seed: in
     show_weakest("weakest state found by a search", sensor, weakest)
     if survey.one_sign:
         share = weakest.values[1] / survey.weakest.values[1]
-        typer.echo(f"the search finds a singular value of {share:.3g} times the sample's smallest")
+        print(f"the search finds a singular value of {share:.3g} times the sample's smallest")
     elif not survey.has_one_sign_in_light:
-        typer.echo("the determinant has both signs in the box, so it is zero at some states")
+        print("the determinant has both signs in the box, so it is zero at some states")
     else:
-        typer.echo(
+        print(
             f"nothing can be said of the whole box: {100 * survey.dark / survey.states:.3g} % of "
             "its states leave a detector without a reading"
         )
@@ -109,9 +107,9 @@ def find_and_show_pair(
         return None
     pair = characterization.ambiguity.find_ambiguous_pair(sensor, weakest)
     if pair is not None:
-        typer.echo("two states with the same readings:")
+        print("two states with the same readings:")
         for name, unit, first, second in zip(
             STATE_COLUMNS, STATE_UNITS, pair.first, pair.second, strict=True
         ):
-            typer.echo(f"  {name:<10} {first / unit:12.6g} {second / unit:12.6g}")
+            print(f"  {name:<10} {first / unit:12.6g} {second / unit:12.6g}")
     return pair

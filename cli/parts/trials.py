@@ -12,7 +12,7 @@ from facets import characterization, core, files, pictures
 from facets.core.errors import InputError
 from facets.core.names import POSE, STATE_COLUMNS, STATE_UNITS
 
-from ..console import draw_beside, report_lines, show_progress, show_table
+from ..console import draw_extra, report_lines, show_progress, show_table
 from ..options import PlotKind
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class TrialRequest(NamedTuple):
             show(where, result)
             if not result.is_stated:
                 explain_failures(self.settings.sensor, result.state, result.trials.failures)
-            typer.echo()
+            print()
         if any(result.is_stated and any(result.validate()[1]) for result in results.values()):
             report_lines("Where a ? stands, it may be one digit more: more trials decide.")
         return results
@@ -148,7 +148,7 @@ class TrialRequest(NamedTuple):
         about = files.provenance.provenance_header(self.settings, self.seed)
         about |= {"coverage_probability": f"{self.probability:g}", "trials": str(self.trials)}
         files.tables.write_table(paths[0], characterization.tables.trial_columns(results), about)
-        draw_beside(paths[1], pictures.trials.trials_picture, results)
+        draw_extra(paths[1], pictures.trials.trials_picture, results)
 
 
 def show(where: str, result: PropagationResult) -> None:

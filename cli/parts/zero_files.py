@@ -9,8 +9,6 @@ from shutil import copyfile
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 import facets
 from facets import config as configuration, files, live
 from facets.core.errors import InputError
@@ -76,7 +74,7 @@ def write_zero(
             with files.tables.Whole(covariance) as temporary:
                 copyfile(matrix, temporary)
             files.whole.write_text(path, files.provenance.extension(parent, block, about))
-    typer.echo(f"{path}, {covariance.name}")
+    print(f"{path}, {covariance.name}")
 
 
 def new_keys(settings: Config, zero: NewZero, covariance: Path) -> dict[str, Any]:

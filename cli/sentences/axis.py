@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import typer
-
 from facets import core, pictures
 
 from ..console import show_table, wrap
@@ -31,8 +29,8 @@ def show(report: AxisReport) -> None:
         f"{motions.names[motions.main]}: {len(report.visits.target)} stands at "
         f"{len(motions.targets)} positions; U: expanded uncertainty by the sensor (k = 2)"
     )
-    show_table(title, ("quantity", "", "value", "U", ""), rows, left=(0, 1, 4))
+    show_table(title, ("quantity", "", "value", "U", ""), rows, left_columns=(0, 1, 4))
     heads = ("error", "", "range", "U", "reversal", "U")
-    show_table("", heads, pictures.axis.other_rows(report), left=(0, 1))
+    show_table("", heads, pictures.axis.other_rows(report), left_columns=(0, 1))
     for note in filter(None, (report.alignment(), *report.notes())):
-        typer.echo(wrap(f"- {note}"))
+        print(wrap(f"- {note}"))

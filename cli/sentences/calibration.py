@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from facets import calibration
 
 from ..console import show_table, wrap
@@ -21,14 +19,14 @@ if TYPE_CHECKING:
 def show_weak(directions: list[Direction]) -> None:
     """Print the parameters that the data do not determine, before the fit."""
     if not directions:
-        typer.echo("The motion determines every parameter better than its prior value.")
+        print("The motion determines every parameter better than its prior value.")
         return
-    typer.echo(
+    print(
         "The motion determines these combinations of parameters less well than their prior "
         "values,\nwhich they keep (information of the motion over that of the prior):"
     )
     for direction in directions:
-        typer.echo(f"  {direction.information:8.2g}  {direction.words}")
+        print(f"  {direction.information:8.2g}  {direction.words}")
 
 
 def show_lost_uncertainties(settings: Config, unknowns: Choice) -> None:
@@ -40,7 +38,7 @@ def show_lost_uncertainties(settings: Config, unknowns: Choice) -> None:
         and name != "beam.power"
     ]  # fmt: skip
     if lost:
-        typer.echo(
+        print(
             f"CONFIG has the uncertainties of {len(lost)} parameters that are not fitted here; the "
             "result\nwould take them as exact unless the data call for them. --only keeps them."
         )
@@ -53,10 +51,10 @@ def show_verdict(settings: Config, verdict: Verdict) -> None:
         show_parameters(calibration.table.unknowns_table(verdict.search.sensor, verdict.fit))
         show_errors(verdict.errors)
     for finding in verdict.findings:
-        typer.echo(wrap(("! " if finding.bad else "- ") + finding.words))
+        print(wrap(("! " if finding.bad else "- ") + finding.words))
     fit = verdict.fit
     if fit is not None and verdict.is_trusted:
-        typer.echo(
+        print(
             f"The fit converged in {fit.steps} steps. Chi-square per degree of freedom is "
             f"{fit.reduced_chi_square:.3f} (1 is expected)."
         )
@@ -75,7 +73,7 @@ def show_candidates(done: EffectSearch) -> None:
         "\nEffects of real light, and whether the data need them; error of new readings: of "
         "readings\nthat were not fitted, over their noise"
     )
-    show_table(title, columns, rows, left=(0, 4, 5))
+    show_table(title, columns, rows, left_columns=(0, 4, 5))
 
 
 def show_parameters(table: dict[str, Any]) -> None:
@@ -84,20 +82,20 @@ def show_parameters(table: dict[str, Any]) -> None:
         (name, f"± {before:.3g}", f"{change:+.4g}", f"{u:.2g}", unit)
         for name, unit, before, change, u in zip(*table.values(), strict=True)
     ]
-    show_table("", columns, rows, left=(0, 4))
+    show_table("", columns, rows, left_columns=(0, 4))
 
 
 def show_errors(table: dict[str, Any]) -> None:
-    typer.echo(
+    print(
         "Errors of poses on samples that were not fitted, with the beam known: RMS before and "
         "after the\ncalibration, robust estimate (from the median), stated uncertainty, and share "
         "within the 95 % intervals"
     )
-    typer.echo(f"  {'':6} {'before':>9} {'after':>9} {'robust':>9} {'stated':>9}       {'held':>6}")
+    print(f"  {'':6} {'before':>9} {'after':>9} {'robust':>9} {'stated':>9}       {'held':>6}")
     for axis, unit, before, after, robust, stated, inside, _ in zip(*table.values(), strict=True):
         if after == after:
-            typer.echo(
+            print(
                 f"  {axis:6} {before:9.3g} {after:9.3g} {robust:9.3g} {stated:9.3g} {unit:4} "
                 f"{inside:6.1f} %"
             )
-    typer.echo("")
+    print("")

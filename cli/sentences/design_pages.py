@@ -6,11 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
 from facets import design, files, pictures
 
-from ..console import draw_beside, show_table
+from ..console import draw_extra, show_table
 from .yields import error_rows, show_yields, tolerance_rows, yield_rows, yields_of
 
 if TYPE_CHECKING:
@@ -81,18 +79,18 @@ def show_layout(
     files.tables.write_table(
         paths[0], table, files.provenance.provenance_header(settings, wanted.seed)
     )
-    draw_beside(paths[1], pictures.layout.layout_picture, table)
+    draw_extra(paths[1], pictures.layout.layout_picture, table)
     show_objectives(layout)
     names = layout.optimum.names
     changed = design.results.tables.change_rows(settings, sensor, layout.rounded, names)
-    show_table("what changes", *changed, left=(0, 3))
+    show_table("what changes", *changed, left_columns=(0, 3))
     if any(row[3].endswith(design.results.tables.BREAKS) for row in changed[1]):
-        typer.echo(f"{BREAKING}\n")
+        print(f"{BREAKING}\n")
     compared = design.results.tables.comparison_rows(table)
     show_table("before and after: the worst over the volume (1 sigma), and symmetric ranges",
                *compared)  # fmt: skip
     reasons = show_reasons(settings, layout.optimum)
-    typer.echo(f"{proved}\n")
+    print(f"{proved}\n")
     built = []
     if heads:  # the settings of the configuration, and the optimised sensor
         yields = yields_of(settings, sensor, heads, wanted.seed)
@@ -107,11 +105,11 @@ def show_objectives(layout: NewLayout) -> None:
     if layout.optimum.before == layout.optimum.before:
         aim = layout.settings.layout.aim
         before = design.results.tables.objective_text(aim, layout.optimum.before)
-    typer.echo(f"before: {before}")
-    typer.echo(f"after:  {exact}")
+    print(f"before: {before}")
+    print(f"after:  {exact}")
     if layout.rounded is not None:
-        typer.echo(f"        {layout.objective}, in numbers that can be made")
-    typer.echo("")
+        print(f"        {layout.objective}, in numbers that can be made")
+    print("")
 
 
 def show_reasons(settings: Config, optimum: Optimum) -> list[list[str]]:
@@ -119,19 +117,19 @@ def show_reasons(settings: Config, optimum: Optimum) -> list[list[str]]:
     active = [
         [f"{size:.2f}", group] for group, size in list(optimum.best.active_constraints.items())[:8]
     ]
-    typer.echo("what holds it back, over the strongest:")
+    print("what holds it back, over the strongest:")
     for size, group in active:
-        typer.echo(f"  {size:>5}  {group}")
+        print(f"  {size:>5}  {group}")
     more = design.optimisation.search.gains(optimum, settings.layout)
     if more:
-        typer.echo("\nwhat more would give:")
+        print("\nwhat more would give:")
     given = [
         [what, design.results.tables.objective_text(settings.layout.aim, value)]
         for what, value in more.items()
     ]
     for what, words in given:
-        typer.echo(f"  {what}: {words}")
-    typer.echo("")
+        print(f"  {what}: {words}")
+    print("")
     return [*([group, f"holds it back, {size} of the strongest"] for size, group in active), *given]
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import typer
-
 from facets import characterization, core
 
 from ..console import show_table
@@ -35,8 +33,10 @@ def report_axes(settings: Config, rules: Rules, pose: Floats) -> None:
     mode = "beam follows in x and y" if rules.tracking else "beam fixed"
     headings = ("axis", "from", "to", "total", "+-", "", "ends where", "box +-")
     report_object(settings)
-    show_table(f"{settings.name}: range of each axis, {mode}", headings, rows, left=(0, 5, 6))
-    typer.echo(f"  the box, all six axes at once, ends where: {cause_of(why)}\n")
+    show_table(
+        f"{settings.name}: range of each axis, {mode}", headings, rows, left_columns=(0, 5, 6)
+    )
+    print(f"  the box, all six axes at once, ends where: {cause_of(why)}\n")
 
 
 def report_outline(settings: Config, rules: Rules, boundary: Boundary, grid: int) -> None:
@@ -54,4 +54,4 @@ def report_outline(settings: Config, rules: Rules, boundary: Boundary, grid: int
     if grid:
         differ = outlines.count_grid_differences(sensor, rules, boundary, grid)
         text += f"; {differ} of {grid * grid} grid points differ"
-    typer.echo(text)
+    print(text)

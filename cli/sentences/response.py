@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import typer
-
 from facets import responses
 from facets.core.names import POSE
 
@@ -29,12 +27,12 @@ def show_response(
     estimate, findings = receptance.convert(form), responses.findings
     peaks = findings.find_peaks(receptance)
     lines = estimate.frequency[estimate.is_excited]
-    typer.echo(
+    print(
         f"{len(signals.stimulus)} rows at {estimate.rate:.6g} Hz: {estimate.segments} segments, "
         f"{estimate.averages:.3g} independent averages, a line every {estimate.resolution:.4g} Hz; "
         f"the input has power from {lines.min():.4g} to {lines.max():.4g} Hz"
     )
-    typer.echo(f"{point}")
+    print(f"{point}")
     rows = []
     for peak in peaks:
         place = peak.line, POSE.index(peak.axis)
@@ -56,8 +54,8 @@ def show_response(
             "width, Hz",
             "coherence",
         )
-        show_table("peaks, at lines of the estimate", headings, rows, left=(1, 3))
+        show_table("peaks, at lines of the estimate", headings, rows, left_columns=(1, 3))
     else:
-        typer.echo("No peak stands out of its surroundings by a factor of 3.")
+        print("No peak stands out of its surroundings by a factor of 3.")
     limits = findings.find_limits(receptance, signals, peaks, bandwidth)
-    typer.echo("\n".join(f"  {text}" for text in limits))
+    print("\n".join(f"  {text}" for text in limits))

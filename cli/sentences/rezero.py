@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, NoReturn
 
 import typer
@@ -34,14 +35,14 @@ ROWS = (
 
 def show_changes(settings: Config, zero: NewZero, priors: ChangePriors) -> None:
     """Print the changes, and what a stop does not tell."""
-    typer.echo("Changes since the calibration, with standard uncertainties:")
-    typer.echo(f"  {'':19} {'change':>9} {'u':>8} {'u before':>9}")
+    print("Changes since the calibration, with standard uncertainties:")
+    print(f"  {'':19} {'change':>9} {'u':>8} {'u before':>9}")
     weak = []
     scales = priors.sigmas(1.0) / zero.prior  # of the power, to a share
     numbers = zip(ROWS, scales, zero.change, zero.uncertainty, zero.prior, strict=True)
     for (name, unit, factor), scale, *values in numbers:
         change, u, before = (factor * scale * value for value in values)
-        typer.echo(f"  {name:19} {change:+9.3g} {u:8.2g} {before:9.2g} {unit}")
+        print(f"  {name:19} {change:+9.3g} {u:8.2g} {before:9.2g} {unit}")
         if u > UNDETERMINED_FRACTION * before:
             weak.append(name)
     notes = [f"A stop hardly determines: {', '.join(weak)}."] if weak else []
@@ -63,7 +64,7 @@ def show_changes(settings: Config, zero: NewZero, priors: ChangePriors) -> None:
             "`known` and `prior`."
         )
     for note in notes:
-        typer.echo(wrap(f"- {note}"))
+        print(wrap(f"- {note}"))
 
 
 #: A change of more than this number of its prior standard uncertainties is named.
@@ -90,5 +91,5 @@ def refuse(zero: NewZero) -> NoReturn:
             f" Or the change is larger than assumed: {ROWS[worst][0]}, {ratios[worst]:.2g} "
             "standard uncertainties before; the options state these."
         )
-    typer.echo(wrap(words), err=True)
+    print(wrap(words), file=sys.stderr)
     raise typer.Exit(FINDING)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import typer
-
 from facets import core, simulation
 
 from ..console import show_table
@@ -21,7 +19,7 @@ def print_segment(segment: Segment, body: MeasuredObject | None) -> None:
     print_errors(segment.name, simulation.run.axes(segment))
     if body is not None:
         print_errors(f"{segment.name}: the object", simulation.run.axes(segment, body))
-    typer.echo(outcome(segment))
+    print(outcome(segment))
 
 
 def print_errors(title: str, axes: list[AxisErrors]) -> None:
@@ -33,7 +31,7 @@ def print_errors(title: str, axes: list[AxisErrors]) -> None:
         sizes = (axis.largest, axis.rms, axis.uncertainty)
         errors = [f"{fine * size:.3g}" if size == size else "-" for size in sizes]
         rows.append([axis.name, *(moved if axis.is_varied else ("", "", "")), *errors, fine_unit])
-    show_table(title, headings, rows, left=(0, 3, 7))
+    show_table(title, headings, rows, left_columns=(0, 3, 7))
 
 
 def outcome(segment: Segment) -> str:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from textwrap import fill
 from typing import TYPE_CHECKING
 
-import typer
-
 from facets import core, design
 from facets.core.names import POSE
 
@@ -61,13 +59,13 @@ def show_yields(settings: Config, yields: Yields) -> None:
         show_table("largest error in the volume, from rest: 95 % of the heads are within",
                    *error_rows(settings, yields))  # fmt: skip
     else:
-        typer.echo("optimize.accuracy names no axis, so that no accuracy is required")
+        print("optimize.accuracy names no axis, so that no accuracy is required")
     if yields.heads.unsettled:
-        typer.echo(f"{yields.heads.unsettled} calibrations did not settle; their heads fail\n")
+        print(f"{yields.heads.unsettled} calibrations did not settle; their heads fail\n")
     show_table("tolerances, the most worth while first", *tolerance_rows(settings, yields),
-               left=(0, 4))  # fmt: skip
+               left_columns=(0, 4))  # fmt: skip
     for advice in filter(None, (exact_tolerances(yields), margin_advice(settings, yields))):
-        typer.echo(f"{fill(advice, 98)}\n")
+        print(f"{fill(advice, 98)}\n")
 
 
 def exact_tolerances(yields: Yields) -> str:

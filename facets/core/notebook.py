@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass
-from math import cos, sin
+from math import degrees
 from typing import Any, TypeVar
 
 from .hues import LIGHT
@@ -65,20 +65,15 @@ def write_value(value: Any) -> str:
 def describe_as_html(thing: Any) -> str:
     """Describe an object in HTML: its line, the first rows of its table or the keys that differ
     from their defaults, and a plan of a sensor's head."""
-    from html import escape
+    import pandas as pd
 
-    parts = [f"<p>{escape(describe(thing))}</p>"]
     if hasattr(thing, "to_frame"):
-        parts.append(thing.to_frame().head(SHOWN_ROWS).to_html())
-    elif rows := list(changed_keys(thing)):
-        cells = "".join(
-            f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
-        )
-        heads = "<th>key</th><th>value</th><th>unit</th><th>meaning</th>"
-        parts.append(f"<table><tr>{heads}</tr>{cells}</table>")
-    if hasattr(thing, "psds"):
-        parts.append(draw_plan(thing))
-    return "".join(parts)
+        table = thing.to_frame().head(SHOWN_ROWS)
+    else:
+        table = pd.DataFrame(changed_keys(thing), columns=["key", "value", "unit", "meaning"])
+    plan = draw_plan(thing) if hasattr(thing, "psds") else ""
+    line = describe(thing).replace("<", "&lt;")
+    return f"<p>{line}</p>{table.to_html() if len(table) else ''}{plan}"
 
 
 def changed_keys(thing: Any, prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
@@ -104,22 +99,19 @@ def changed_keys(thing: Any, prefix: str = "") -> Iterator[tuple[str, str, str, 
 
 
 def draw_plan(sensor: Any) -> str:
-    """Draw the head of a sensor from above, as SVG: the mirror's apex, detectors and sub-beams."""
-    size = 1.15 * max(psd.radius + psd.size_y for psd in sensor.psds)
-    shapes = [f'<circle r="{size / 60:.4g}" fill="{LIGHT.ink}"/>']
+    """Draw a sensor's detectors and the sub-beams to them from above, as SVG."""
+    shapes, size = [], 1.3 * max(psd.radius for psd in sensor.psds)
     for letter, psd in zip(DETECTORS, sensor.psds, strict=True):
-        x, y = psd.radius * cos(psd.azimuth), -psd.radius * sin(psd.azimuth)
-        across = psd.size_y / 2 * sin(psd.azimuth), psd.size_y / 2 * cos(psd.azimuth)
+        turn = degrees(psd.azimuth)
         shapes.append(
-            f'<g stroke="{LIGHT.detectors[letter]}" stroke-width="{size / 100:.4g}">'
-            f'<path d="M0 0L{x:.4g} {y:.4g}" stroke-dasharray="{size / 30:.4g}"/>'
-            f'<path d="M{x - across[0]:.4g} {y - across[1]:.4g}l{2 * across[0]:.4g} '
-            f'{2 * across[1]:.4g}" stroke-width="{size / 25:.4g}"/></g>'
-            f'<text x="{1.1 * x:.4g}" y="{1.1 * y:.4g}" font-size="{size / 10:.4g}" '
-            f'fill="{LIGHT.ink}">{letter.upper()}</text>'
+            f'<g transform="rotate({-turn:.4g})" stroke="{LIGHT.detectors[letter]}">'
+            f'<path d="M0 0H{psd.radius:.4g}" stroke-width="{size / 100:.4g}" '
+            f'stroke-dasharray="{size / 30:.4g}"/><path d="M{psd.radius:.4g} '
+            f'{-psd.size_y / 2:.4g}v{psd.size_y:.4g}" stroke-width="{size / 20:.4g}"/>'
+            f'<text stroke="none" font-size="{size / 8:.4g}" transform="translate('
+            f'{1.1 * psd.radius:.4g}) rotate({turn:.4g})">{letter.upper()}</text></g>'
         )
-    box = f"{-size:.4g} {-size:.4g} {2 * size:.4g} {2 * size:.4g}"
     return (
-        f'<svg width="200" height="200" viewBox="{box}" role="img">'
-        f"<title>The head from above</title>{''.join(shapes)}</svg>"
+        f'<svg width="200" height="200" viewBox="{-size:.4g} {-size:.4g} {2 * size:.4g} '
+        f'{2 * size:.4g}"><title>The head from above</title>{"".join(shapes)}</svg>'
     )
