@@ -149,7 +149,7 @@ def show_progress(task: str) -> Iterator[Callable[[float, float | None], None]]:
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stdfile=sys.stderr), transient=True) as progress:
+    with Progress(console=Console(stderr=True), transient=True) as progress:
         row = progress.add_task(task, total=None)
 
         def report(completed: float, total: float | None) -> None:

@@ -10,7 +10,6 @@ import typer
 
 from facets import design, files
 from facets.core.plain_numbers import count_text, short_number
-from facets.core.plain_numbers import short_number
 
 from ..console import FINDING, show_progress, show_table
 from ..options.places import report_object
