@@ -1,11 +1,10 @@
-"""Beams and spots as light: the amount in each pixel from the model's own beam and sub-beams.
+"""Light of beams and spots in each pixel, from the model's own beam and sub-beams.
 
-In the beam's cross-section, in sigmas, the light is exp(-|u|^2 / 2), and a facet takes the part of
-it that lies in its wedge. A ray of the camera is a straight line in that plane, too, folded at the
-facet; this also holds where it passes through a sub-beam. The light that haze scatters towards the
-pixel is then the integral of a Gaussian along a piece of a line, a difference of two error
-functions, and the light of a detector or a facet is the irradiance at one point: no mesh is needed.
-The light is collimated.
+In the beam's cross-section, in standard deviations, the irradiance is exp(-|u|^2 / 2), and a facet
+takes the part in its wedge. A camera's ray is a straight line in that plane, too; for a sub-beam it
+is folded at the facet. The light that haze scatters into the pixel is therefore the integral of a
+Gaussian along a piece of a line: a difference of two error functions. The light on a facet or a
+detector is the irradiance at one point. No mesh is needed. The light is collimated.
 """
 
 from __future__ import annotations
@@ -32,10 +31,11 @@ REFLECTS = 0.8
 
 @dataclass(frozen=True)
 class Glow:
-    """Light in a picture: (h, w) by detector, and that of the beam before the mirror.
+    """Light in a picture, each part (h, w).
 
-    A surface's irradiance over the beam's largest, and the light that haze scatters, over that of
-    the middle of the beam.
+    sub_beams, beam: light that haze scatters, over that from the middle of the beam; of each
+    sub-beam, and of the beam before the mirror.  surfaces: irradiance over its maximum, on each
+    facet and its detector.
     """
 
     sub_beams: list[Floats]
@@ -57,12 +57,12 @@ def glow(posed: PosedSensor, shot: Shot, laser: float, hidden: Collection[int] =
 
 
 def width_of(posed: PosedSensor) -> float:
-    """The larger standard deviation of the beam, mm."""
+    """Return the larger standard deviation of the beam, mm."""
     return float(max(np.linalg.norm(part) for part in posed.geometry.spread))
 
 
 def centroid(posed: PosedSensor, k: int) -> tuple[Floats, float]:
-    """The centroid of the light on facet k across the beam, sigmas, and its share of the power."""
+    """Return the centroid of facet k's light, standard deviations, and its fraction of power."""
     mass, middle = illuminate(posed.at).moments[k][:2]
     return np.nan_to_num(np.array(middle, float)), float(mass)
 
@@ -74,7 +74,7 @@ class Piece(NamedTuple):
     high: Any
 
     def clip(self, side: Linear) -> Piece:
-        """Return the part on which a linear function of the depth is positive."""
+        """Return the part in which a linear function of the depth is positive."""
         start, rate = side[0], side[1] + 0.0  # without a negative zero
         with np.errstate(divide="ignore", invalid="ignore"):
             crossing = -start / rate
@@ -82,8 +82,10 @@ class Piece(NamedTuple):
         return Piece(low, np.fmin(self.high, np.where(rate < 0, crossing, np.inf)))
 
     def gaussian(self, x: Linear, y: Linear) -> Any:
-        """The integral of exp(-(x^2 + y^2) / 2) over the piece, over that of the whole line through
-        the beam's middle."""
+        """Integrate exp(-(x^2 + y^2) / 2) over the piece.
+
+        The unit is the integral along an infinite line through the middle of the beam.
+        """
         from scipy.special import ndtr
 
         square = np.maximum(x[1] * x[1] + y[1] * y[1], 1e-24)
@@ -95,7 +97,10 @@ class Piece(NamedTuple):
 
 
 def across_beam(posed: PosedSensor, rays: Rays, folded: int | None) -> tuple[Linear, Linear]:
-    """Return the rays' two coordinates across the beam, sigmas, folded at a facet if given."""
+    """Return the rays' coordinates across the beam, standard deviations.
+
+    folded: number of the facet at which the rays are folded, if any.
+    """
     whitening = np.array(posed.geometry.whitening, float)
     place = np.array(posed.at.place, float)
     if folded is not None:
@@ -118,17 +123,17 @@ def wedge(posed: PosedSensor, k: int, x: Linear, y: Linear) -> list[Linear]:
 def beam_integral(
     posed: PosedSensor, rays: Rays, piece: Piece, k: int, folded: bool, wide: float = 1.0
 ) -> Any:
-    """Compute the light that haze scatters out of facet k's share of the beam, by ray.
+    """Compute the light that haze scatters out of facet k's part of the beam, by ray.
 
-    folded: after the facet.  wide: above 1, the factor by which a beam thinner than a pixel is
+    folded: whether after the facet.  wide: factor above 1 by which a beam thinner than a pixel is
     drawn wider, and round.
     """
     x, y = across_beam(posed, rays, k if folded else None)
     if wide > 1:
-        middle, share = centroid(posed, k)
+        middle, fraction = centroid(posed, k)
         about = middle if folded else (0.0, 0.0)
         x, y = (((a - b) / wide, rate / wide) for (a, rate), b in zip((x, y), about, strict=True))
-        return (3 if folded else 1) * share * piece.gaussian(x, y)
+        return (3 if folded else 1) * fraction * piece.gaussian(x, y)
     for side in wedge(posed, k, x, y):
         piece = piece.clip(side)
     return piece.gaussian(x, y)
@@ -138,9 +143,9 @@ def haze(
     posed: PosedSensor, shot: Shot, k: int, folded: bool, ends: Floats,
     sides: Sequence[tuple[Floats, Floats]],
 ) -> Floats:  # fmt: skip
-    """Compute the picture of facet k's share of the beam, along a segment (2, 3).
+    """Compute the picture of facet k's part of the beam, along a segment (2, 3).
 
-    sides: points and normals of planes that bound it.
+    sides: points and normals of the planes that bound it.
     """
     box, pixel = shot.camera.pixel_box(ends, FAR * width_of(posed))
     rays, piece = Rays(shot.camera, box), Piece(-shot.camera.distance, shot.depth[box])
@@ -162,8 +167,8 @@ def detector_plane(posed: PosedSensor, k: int) -> tuple[Floats, Floats]:
 
 def sub_beam(posed: PosedSensor, shot: Shot, k: int) -> Floats:
     """Compute the light that haze scatters out of the sub-beam from facet k to its detector."""
-    middle, share = centroid(posed, k)
-    if share < 1e-6:
+    middle, fraction = centroid(posed, k)
+    if fraction < 1e-6:
         return shot.black()
     points = posed.facet_points(k, middle), posed.detector_points(k, middle)
     ends = np.array([np.ravel(point) for point in points], float)
@@ -176,18 +181,18 @@ def incoming(posed: PosedSensor, shot: Shot, laser: float) -> Floats:
     place, apex = np.array(posed.at.place, float), np.array(posed.at.apex, float)
     start = place + ((apex - place) @ back) * back
     ends = np.array([start - 1.5 * RIM_MM * back, start + laser * back])
-    shares = [
+    parts = [
         haze(posed, shot, k, False, ends, [facet_plane(posed, k), (ends[1], -back)])
         for k in range(3)
     ]
-    return shares[0] + shares[1] + shares[2]
+    return parts[0] + parts[1] + parts[2]
 
 
 def reflection(posed: PosedSensor, shot: Shot, k: int) -> Floats:
-    """Compute the light that facet k reflects: the images of the beam on it and of its sub-beam.
+    """Compute the images of the beam and of the sub-beam that are seen in facet k.
 
-    An image lies behind the facet: that of the beam on the sub-beam's backward extension, and that
-    of the sub-beam on the beam's forward extension.
+    They lie behind the facet: the beam's image on the backward extension of the sub-beam, and the
+    sub-beam's image on the forward extension of the beam.
     """
     picture, (apex, normal) = shot.black(), facet_plane(posed, k)
     box, pixel = shot.camera.pixel_box([apex, apex], 4 * RIM_MM)
@@ -203,7 +208,7 @@ def reflection(posed: PosedSensor, shot: Shot, k: int) -> Floats:
 
 
 def surface(posed: PosedSensor, shot: Shot, k: int) -> Floats:
-    """Compute the irradiance of facet k's light on facet and detector, over the largest."""
+    """Compute the irradiance on facet k and on its detector, over its maximum."""
     psd = posed.sensor.psds[k]
     axes, sizes = np.array(posed.geometry.axes[k][1:], float), (psd.size_y, psd.size_z)
     facet = irradiance(posed, shot, k, facet_plane(posed, k), 2 * FAR * width_of(posed))
@@ -216,10 +221,10 @@ def irradiance(
     posed: PosedSensor, shot: Shot, k: int, plane: tuple[Floats, Floats], reach: float,
     edges: Sequence[tuple[Floats, float]] = (),
 ) -> Floats:  # fmt: skip
-    """Compute the irradiance about a point of a plane, where a surface lies in it.
+    """Compute the irradiance on a surface in a plane, within `reach` of the plane's point.
 
-    edges: directions and sizes of the rectangle of detector k, whose plane it is; by default the
-    plane is facet k's.
+    edges: directions and lengths of the edges of detector k, if the plane is the detector's; by
+    default, it is that of facet k.
     """
     point, normal = plane
     box, pixel = shot.camera.pixel_box([point, point], reach)
@@ -231,11 +236,11 @@ def irradiance(
         lit &= np.abs(start + rate * depth) < size / 2
     x, y = across_beam(posed, rays, k if edges else None)
     u, v = (start + rate * depth for start, rate in (x, y))
-    middle, share = centroid(posed, k)
+    middle, fraction = centroid(posed, k)
     wide = THIN * pixel / width_of(posed)
-    if wide > 1 and share > 0:
+    if wide > 1 and fraction > 0:
         square = ((u - middle[0]) ** 2 + (v - middle[1]) ** 2) / wide**2
-        light = 3 * share * np.exp(-square / 2)
+        light = 3 * fraction * np.exp(-square / 2)
     else:
         light = np.exp(-(u**2 + v**2) / 2)
         for start, rate in wedge(posed, k, x, y):

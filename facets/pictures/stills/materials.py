@@ -14,10 +14,11 @@ ThemeName = Literal["dark", "light"]
 
 
 class Material(NamedTuple):
-    """A surface's parameters for physically based shading: colour, and shares from 0 to 1.
+    """Parameters of a surface for physically based shading; numbers from 0 to 1.
 
     cut: colour of a cut face.  clear: transparency.  smooth: whether curved surfaces are shaded as
-    smooth.  even: whether it has one colour without shading.  outlined: whether its rim is drawn.
+    smooth.  even: whether the surface has one colour without shading.  outlined: whether its rim is
+    drawn.
     """
 
     colour: str
@@ -52,13 +53,12 @@ MATERIALS: dict[str, Material] = {
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours of a picture.
+    """Colours and light of a picture.
 
-    top, bottom: of the background.  ground: of the floor near the rig.  ink: of letters and lines,
-    faint: of lesser ones, panel: behind them.  hues: of facets, sub-beams and detectors A, B, C.
-    beam: of the light before it is shared.  shines: whether light is added to the background, as in
-    the dark; else it is blended as ink.  shadow: darkness of shadows, 0 to 1.  exposure: strength
-    of the lamps.
+    top, bottom: colours of the background.  ground: floor near the rig.  ink: letters and lines;
+    faint: lines in insets; panel: ground of letters.  hues: facets, sub-beams and detectors A, B,
+    C.  beam: beam before the mirror.  shines: whether light is added to the background, as in the
+    dark, or blended as ink.  shadow: darkness of shadows, 0 to 1.  exposure: strength of the lamps.
     """
 
     top: str
@@ -87,10 +87,10 @@ THEMES: dict[ThemeName, Theme] = {
 
 
 def theme_of(style: str) -> ThemeName:
-    """Return the theme for a style of the plots: paper, screen or dark."""
+    """Return the theme that belongs to a style of the plots: paper, screen or dark."""
     return "dark" if style == "dark" else "light"
 
 
 def rgb(colour: str) -> Floats:
-    """Convert a colour "#RRGGBB" to shares (3,)."""
+    """Convert a colour "#RRGGBB" to numbers (3,) from 0 to 1."""
     return np.array([int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)])

@@ -27,10 +27,10 @@ from .exposure import Exposure, add_floor, expose
 from .materials import THEMES, Material, ThemeName
 from .rig import LASER_HEIGHT, RigModel
 from .scene import PosedSensor
-from .sheet import DrawingSheet
+from .sheet import DrawingSheet, round_down
 from .solids import RigPart, Solid, bands
 from .studio import Shot, Studio
-from .views import factor_in_words as factor_in_words, round_down, state_in_words
+from .views import factor_in_words as factor_in_words, state_in_words
 
 OnProgress = Callable[[float, float], None]
 ViewName = Literal["both", "rig", "mirror", "detector", "cutaway", "range", "trail"]

@@ -1,9 +1,9 @@
 """The rig as parts: mirror head, detectors, laser, and their supports.
 
-The optics fixes the facets' planes, the detectors' faces and the beam, which are where the model
-has them. Everything else is commonly used hardware: a one-inch mirror, half-inch posts, a detector
-on a board in a housing; it shrinks if the rig is too small for it. World frame; lengths in mm, and
-those of the parts in `RigModel.unit`.
+The facets' planes, the detectors' faces and the beam are those of the model. Everything else is
+common hardware: a one-inch mirror, half-inch posts, a detector on a board in a housing. It is
+smaller if the rig is too small for it. World frame; lengths in mm, those of the parts in
+`RigModel.unit`.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ from .solids import (
     window_frame,
 )
 
-#: A rig whose nearest detector is nearer than this has smaller parts, mm.
+#: Distance of the nearest detector below which the parts are smaller, mm.
 FULL_SIZE_RADIUS_MM = 110.0
-#: Radius of a one-inch mirror, of a half-inch post, and of a facet's circle of points; unit.
+#: Radii of a one-inch mirror and of a half-inch post; unit.
 HEAD_RADIUS, POST_RADIUS = 12.7, 6.35
-#: Height above the apex at which the beam leaves the laser, and distance of its column; unit.
+#: Height of the laser's exit above the apex, and distance of its column from the axis; unit.
 LASER_HEIGHT, COLUMN_DISTANCE = 105.0, 96.0
 #: Points along the rim of a facet.
 RIM_POINTS = 33
 
 
 class RigModel:
-    """A rig at rest, and its measures.
+    """A rig at rest.
 
-    unit: the length in mm of what is one mm in a rig of full size.  floor: z of the base plate's
-    upper side, in that unit.  head_radius: of the mirror, in that unit.
+    unit: length of a part that is 1 mm long in a rig of full size, mm.  floor: z of the upper side
+    of the base plate, unit.  head_radius: radius of the mirror, unit.
     """
 
     def __init__(self, sensor: Sensor) -> None:
@@ -59,7 +59,7 @@ class RigModel:
         self.head_radius = min(HEAD_RADIUS, sensor.apertures.rim / self.unit)
 
     def face(self, k: int) -> tuple[float, float]:
-        """Return width and height of a detector's face, unit."""
+        """Return the width and height of a detector's face, unit."""
         psd = self.sensor.psds[k]
         return psd.size_y / self.unit, psd.size_z / self.unit
 
@@ -68,19 +68,19 @@ class RigModel:
         return width + 15, height + 15
 
     def detector_frame(self, k: int) -> PartFrame:
-        """Return the frame of a detector: sideways, upward and out of its back from its face."""
+        """Return the frame of a detector's face: axes sideways, upward and out of its back."""
         axes = np.array(self.posed.geometry.axes[k], float)[[1, 2, 0]]
         return PartFrame(f"detector {DETECTORS[k]}", self.unit, self.centres[k], axes)
 
     def laser_frame(self) -> PartFrame:
-        """Return the frame at the place where the beam leaves the laser: z against the beam."""
+        """Return the frame where the beam leaves the laser, with z against the beam."""
         back = -np.array(self.posed.geometry.direction)
         origin = np.array(self.posed.at.place) + LASER_HEIGHT * self.unit / back[2] * back
         aside = normalize(np.cross(np.array([0, 1.0, 0]), back))
         return PartFrame("laser", self.unit, origin, np.array([aside, np.cross(back, aside), back]))
 
     def level_frame(self, assembly: str, place: Floats, outward: Floats) -> PartFrame:
-        """Return a frame above or below a place (x, y), its first axis in a level direction."""
+        """Return a frame with origin (x, y, 0), whose first axis is the level part of `outward`."""
         out = normalize([*outward[:2], 0.0])
         axes = np.array([out, np.cross((0, 0, 1.0), out), (0, 0, 1.0)])
         return PartFrame(assembly, self.unit, np.array([*place[:2], 0.0]), axes)
@@ -91,15 +91,13 @@ class RigModel:
         gaps = np.diff([*angles, angles[0] + 2 * np.pi])
         widest = np.isclose(gaps, gaps.max(), rtol=0, atol=0.02)
         middles = angles[widest] + gaps[widest] / 2
-        best = middles[np.argmax(np.cos(middles - np.radians(125)))]  # to the back, if it may be
-        return np.array([np.cos(best), np.sin(best)])
+        angle = middles[np.argmax(np.cos(middles - np.radians(125)))]  # the rearmost one
+        return np.array([np.cos(angle), np.sin(angle)])
 
     def parts(self) -> list[RigPart]:
         """List all parts."""
-        every = [*self.head(), *self.laser(), *self.gantry(), *self.base()]
-        for k in range(3):
-            every += [*self.detector(k), *self.support(k)]
-        return every
+        detectors = (part for k in range(3) for part in (*self.detector(k), *self.support(k)))
+        return [*self.head(), *self.laser(), *self.gantry(), *self.base(), *detectors]
 
     def head(self) -> Iterator[RigPart]:
         """Yield the mirror with its facets, ground sides and bevelled rim, its mount and post."""
@@ -137,12 +135,12 @@ class RigModel:
         yield PartFrame("frame", self.unit).part("moving stage", "anodised", block)
 
     def detector(self, k: int) -> Iterator[RigPart]:
-        """Yield a commercial detector: window, housing, chip in its carrier, pins and board."""
+        """Yield a detector: window, housing, chip in its carrier, pins and board."""
         frame, letter = self.detector_frame(k), DETECTORS[k]
         (width, height), (wide, high) = self.face(k), self.housing(k)
 
         def outline(more: float, corner: float) -> Floats:
-            """The outline of the face, larger by a length."""
+            """Return the outline of the face, enlarged by a length."""
             return rectangle(width + more, height + more, corner)
 
         outer = rectangle(wide, high, 2.5)
@@ -172,14 +170,14 @@ class RigModel:
             yield frame.part(f"{name} {letter}", material, *solids)
 
     def faces(self) -> Iterator[RigPart]:
-        """Yield the detectors' faces for pictures from square on: silicon, ring and carrier."""
+        """Yield the detectors' faces for pictures from the front: silicon, ring and carrier."""
         for k, letter in enumerate(DETECTORS):
             frame, (width, height) = self.detector_frame(k), self.face(k)
-            frame, most = replace(frame, assembly=f"face {letter}"), 1.2 * max(width, height)
+            frame, side = replace(frame, assembly=f"face {letter}"), 1.2 * max(width, height)
             for name, low, outline in (
                 ("silicon", 0.0, (width, height)),
                 ("ring", 0.05, (1.06 * width, 1.06 * height)),
-                ("carrier", 0.1, (most, most)),
+                ("carrier", 0.1, (side, side)),
             ):
                 plate = slab(rectangle(*outline), low, low + 0.04)
                 yield frame.part(f"{name} {letter}", f"face {name}", plate)
@@ -220,7 +218,7 @@ class RigModel:
         ], bore=True))  # fmt: skip
 
     def gantry(self) -> Iterator[RigPart]:
-        """Yield a column beside the beam and an arm that clamps the laser."""
+        """Yield a column next to the beam and an arm that clamps the laser."""
         outward, laser = self.column_direction(), self.laser_frame().origin
         foot = COLUMN_DISTANCE * self.unit * outward
         floor, level = self.floor, float(laser[2]) / self.unit + 36

@@ -1,8 +1,8 @@
-"""The sensor at a state, and the places of its light, made from the model's own rays.
+"""The sensor at a state, and the places of its light, from the model's own rays.
 
-Light means the light inside the beam's 1/e^2 circle. A sub-beam begins on its facet as a piece of
-that circle cut out by the facet's edges and ends on its detector as the spot; every point of it is
-on a ray of `optics.rays`, so that the drawing agrees with `facets.readings`. Lengths mm, world
+Light means the light inside the beam's 1/e^2 circle. A sub-beam begins on its facet, as the piece
+of that circle between the facet's edges, and ends on its detector, as the spot. All its points lie
+on rays of `optics.rays`, so that a drawing agrees with `facets.readings`. Lengths in mm, world
 frame.
 """
 
@@ -20,9 +20,9 @@ from ...optics.forward import Geometry, Scene, dark_scene, mirror_edges
 from ...optics.rays import flight, hit, reflect
 from ...optics.vectors import combine, rotate
 
-#: The 1/e^2 circle in sigmas.
+#: Radius of the 1/e^2 circle, standard deviations.
 CIRCLE = 2.0
-#: Numbers of points across a facet's angle, and from the apex outward.
+#: Numbers of points across a facet's angle and from the apex outward.
 ANGLES, RADII = 49, 25
 #: Radius of a drawn mirror that has no rim, mm.
 RIM_MM = 5.0
@@ -30,10 +30,11 @@ RIM_MM = 5.0
 
 @dataclass(frozen=True)
 class SpotLight:
-    """The light on a detector, in its frame: (psi, zeta), mm.
+    """The light on a detector, with places (psi, zeta) in the detector's frame, mm.
 
-    grid: (RADII, ANGLES, 2) the light's places, light: their irradiance; empty where none of the
-    circle's light falls.  apex: Q, beam: S, image of the beam's centre, circle: (n, 2) of its rim.
+    grid: places (RADII, ANGLES, 2) of the light; empty without light.  light: irradiance there.
+    apex, beam: images of the apex, Q, and of the beam's centre, S.  circle: image of the 1/e^2
+    circle, (n, 2).
     """
 
     grid: Floats
@@ -50,7 +51,7 @@ def array(vector: Any) -> Floats:
 
 @dataclass(frozen=True)
 class PosedSensor:
-    """A sensor and its mirror's place."""
+    """A sensor at a state."""
 
     sensor: Sensor
     geometry: Geometry
@@ -63,14 +64,17 @@ class PosedSensor:
         return cls(sensor, geometry, dark_scene(geometry, tuple(numbers)))
 
     def facet_points(self, k: int, cross: Floats) -> Any:
-        """Return where rays at places (..., 2) across the beam, sigmas, meet facet k's plane."""
+        """Return where rays meet facet k's plane.
+
+        cross: their places (..., 2) across the beam, standard deviations.
+        """
         spread = self.geometry.spread
         aside = combine(cross[..., 0], spread[0], cross[..., 1], spread[1])
         start = tuple(p + a for p, a in zip(self.at.place, aside, strict=True))
         return hit(start, self.geometry.direction, self.at.apex, self.at.normals[k])
 
     def detector_points(self, k: int, cross: Floats) -> Any:
-        """Return where rays at places across the beam land on detector k by way of facet k."""
+        """Return where rays at places `cross` meet detector k after facet k."""
         start = self.facet_points(k, cross)
         leaving = reflect(self.geometry.direction, self.at.normals[k])
         axes = self.geometry.axes[k]
@@ -79,25 +83,25 @@ class PosedSensor:
 
     def flat(self, k: int, places: Floats) -> Floats:
         """Convert points (..., 3) on detector k to (psi, zeta)."""
-        apart = places - np.array(self.geometry.centres[k])
-        axes = np.array(self.geometry.axes[k])
-        return np.stack([apart @ axes[1], apart @ axes[2]], axis=-1)
+        offset = places - np.array(self.geometry.centres[k])
+        return np.asarray(offset @ np.array(self.geometry.axes[k])[1:].T)
 
     def sides(self, k: int) -> tuple[Floats, Floats, Floats]:
-        """Return the apex and the two edges of facet k across the beam, sigmas."""
+        """Return the apex and the two edges of facet k across the beam, standard deviations."""
         at = self.at
         return np.array(at.q), np.array(at.sides[k]), np.array(at.sides[(k + 1) % 3])
 
 
 def cut(posed: PosedSensor, k: int) -> Floats:
-    """Return the light on facet k across the beam, sigmas: (RADII, ANGLES, 2), or an empty array.
+    """Return places (RADII, ANGLES, 2) of the light on facet k across the beam.
 
-    Along each direction from the apex the points lie inside the circle.
+    Unit: standard deviations. In each direction from the apex the places lie inside the circle. The
+    array is empty without light.
     """
     q, first, second = posed.sides(k)
     low = np.arctan2(first[1], first[0])
     high = low + np.arctan2(first[0] * second[1] - first[1] * second[0], first @ second)
-    for _ in range(2):  # again if only some directions meet the circle: as many points across those
+    for _ in range(2):  # the second time across those directions only that meet the circle
         angle = np.linspace(low, high, ANGLES)
         u = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         along = u @ q
@@ -114,8 +118,10 @@ def cut(posed: PosedSensor, k: int) -> Floats:
 
 
 def rims(posed: PosedSensor, k: int) -> Floats:
-    """Return the rim of sub-beam k on its facet and on its detector, (2, n, 3): out along one edge
-    of the facet, across, and back; n is 0 without light."""
+    """Return the rim of sub-beam k on its facet and on its detector, (2, n, 3).
+
+    It runs outward along one edge of the facet, across, and back; n is 0 without light.
+    """
     grid = cut(posed, k)
     if not len(grid):
         return np.empty((2, 0, 3))
@@ -138,7 +144,7 @@ def mirror(posed: PosedSensor) -> Floats:
 
 
 def spot(posed: PosedSensor, k: int) -> SpotLight:
-    """Compute the image on detector k that Fig. 2 of the paper shows."""
+    """Compute the light on detector k, as in Fig. 2 of the paper."""
     turn = np.linspace(0, 2 * np.pi, 181)
     circle = CIRCLE * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     cross = cut(posed, k)

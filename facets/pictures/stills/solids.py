@@ -1,4 +1,4 @@
-"""Closed surfaces of machined parts: turned, milled from a plate, and with a window; lengths mm."""
+"""Closed surfaces of machined parts: turned, cut from a plate, with a window; lengths in mm."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROUND = 48
 
 
 class Solid(NamedTuple):
-    """Points (n, 3) and faces as lists of their numbers, counter-clockwise seen from outside."""
+    """Points (n, 3), and faces as lists of point numbers, counter-clockwise from outside."""
 
     points: Floats
     faces: list[list[int]]
@@ -27,7 +27,10 @@ class Solid(NamedTuple):
 
 @dataclass(frozen=True)
 class RigPart:
-    """A piece of the rig. assembly: "head", "laser", "detector a", ..., "frame"."""
+    """A part of the rig.
+
+    assembly: group that moves or is shown together: "head", "laser", "detector a", "frame", ...
+    """
 
     name: str
     assembly: str
@@ -37,9 +40,9 @@ class RigPart:
 
 @dataclass(frozen=True)
 class PartFrame:
-    """A frame in which parts of an assembly are made, with the unit of their lengths, mm.
+    """A frame in which parts of an assembly are made.
 
-    The rows of `axes` are its axes in the world.
+    unit: unit of their lengths, mm.  axes: the frame's axes in the world, by rows.
     """
 
     assembly: str
@@ -64,7 +67,7 @@ def join(solids: Sequence[Solid]) -> Solid:
 
 
 def bands(rings: Sequence[Floats], loop: bool = False) -> Solid:
-    """Join rings of equally many points (m, 3) by bands; `loop`: also the last to the first."""
+    """Join rings (m, 3) of equally many points by bands; with `loop`, in a closed loop."""
     count, levels = len(rings[0]), len(rings)
     faces = [
         [low + n, low + (n + 1) % count, high + (n + 1) % count, high + n]
@@ -76,8 +79,10 @@ def bands(rings: Sequence[Floats], loop: bool = False) -> Solid:
 
 
 def stack(rings: Sequence[Floats], closed: bool = True) -> Solid:
-    """Join rings, counter-clockwise from above and from the lowest to the highest, with a floor
-    and, if closed, a lid."""
+    """Join rings by bands and close them by a floor and, if `closed`, a lid.
+
+    rings: (m, 3), counter-clockwise from above, the lowest first.
+    """
     points, sides = bands(rings)
     count = len(rings[0])
     lid = [list(range(len(points) - count, len(points)))] if closed else []
@@ -89,8 +94,10 @@ def ring_at_height(outline: Floats, z: float) -> Floats:
 
 
 def revolve(profile: Sequence[tuple[float, float]], bore: bool = False) -> Solid:
-    """Revolve a profile of (radius, z), ascending, about z; with a bore, one that is closed and
-    counter-clockwise with z up."""
+    """Revolve a profile about z.
+
+    profile: (radius, z), ascending; with a bore it is closed and counter-clockwise with z up.
+    """
     angle = 2 * np.pi * np.arange(ROUND) / ROUND
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     rings = [ring_at_height(max(radius, 1e-6) * circle, z) for radius, z in profile]
@@ -98,7 +105,7 @@ def revolve(profile: Sequence[tuple[float, float]], bore: bool = False) -> Solid
 
 
 def profile_of(radius: float, low: float, high: float, bevel: float) -> list[tuple[float, float]]:
-    """The profile (radius, z) of a cylinder with bevelled edges."""
+    """Return the profile (radius, z) of a cylinder with bevelled edges."""
     if bevel == 0:
         return [(radius, low), (radius, high)]
     small = radius - bevel
@@ -114,7 +121,7 @@ def hollow_cylinder(outer: float, inner: float, low: float, high: float, bevel: 
 
 
 def rectangle(width: float, height: float, corner: float = 0.0) -> Floats:
-    """The outline of a rectangle about the origin, its corners rounded; (n, 2)."""
+    """Return the outline (n, 2) of a rectangle about the origin with rounded corners."""
     turn = np.linspace(0, np.pi / 2, 5 if corner else 1)
     quarters = [turn + n * np.pi / 2 for n in range(4)]
     middles = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * (
@@ -129,20 +136,16 @@ def rectangle(width: float, height: float, corner: float = 0.0) -> Floats:
 
 def slab(outline: Floats, low: float, high: float, bevel: float = 0.0) -> Solid:
     """Make a plate with the convex outline (n, 2) from z = low to high, with bevelled edges."""
-    if bevel == 0:
-        return stack([ring_at_height(outline, low), ring_at_height(outline, high)])
-    inner = outline * (1 - bevel / np.abs(outline).max(axis=0))
+    sizes = np.abs(outline).max(axis=0)
     return stack(
         [
-            ring_at_height(inner, low),
-            ring_at_height(outline, low + bevel),
-            ring_at_height(outline, high - bevel),
-            ring_at_height(inner, high),
+            ring_at_height(outline * (1 + (inset - 1) / sizes), z)
+            for inset, z in profile_of(1.0, low, high, bevel)
         ]
     )
 
 
 def window_frame(outer: Floats, inner: Floats, low: float, high: float) -> Solid:
-    """Make a plate with a window: outlines of equally many points (n, 2)."""
+    """Make a plate with a window; both outlines (n, 2) have equally many points."""
     corners = ((outer, low), (outer, high), (inner, high), (inner, low))
     return bands([ring_at_height(outline, z) for outline, z in corners], loop=True)

@@ -1,4 +1,4 @@
-"""The views of the sensor as data: parts, camera, and for a state labels and insets."""
+"""The views of the sensor as data: parts and camera, and labels and insets for a state."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from .materials import THEMES, Material, Theme, rgb
 from .range_solid import COLOURS, REASONS, range_solid
 from .rig import RigModel
 from .scene import PosedSensor, array, cut
-from .sheet import Dimension, Inset, Label, Polyline, Words, length_in_words, unit_of
+from .sheet import Dimension, Inset, Label, Polyline, Words, length_in_words, round_down, unit_of
 from .solids import RigPart, Solid, join
 from .studio import cut_parts
 
-#: Directions to the camera: of the whole rig, of the mirror's point, and of the head.
+#: Directions towards the camera for the rig, the apex of the mirror, and the head.
 RIG_VIEW, POINT_VIEW, HEAD_VIEW = (0.56, -0.66, 0.46), (0.62, -0.60, 0.50), (0.59, -0.74, 0.32)
-#: Shift or angle that is not written, mm or rad.
+#: Largest shift or angle that a caption omits, mm or rad.
 NEGLIGIBLE = 1e-9
-#: What looks at the head and at a detector's face show.
+#: Exposure of the head alone.
 HEAD_LOOK = Exposure(("head",), 0.8, 0.4, floor=False)
 
 
@@ -52,15 +52,8 @@ def power_in_words(power: float) -> str:
     return f"{power:.3g} mW" if power >= 1 else f"{UW * power:.3g} {MICRO}W"
 
 
-def round_down(factor: float) -> float:
-    """The largest of 1, 2, 3, 5, 10, ... (or 0.5, 0.3, ...) that is not larger."""
-    power = 10.0 ** np.floor(np.log10(factor) + 1e-12)
-    largest = max(n * power for n in (1, 2, 3, 5) if n * power <= factor * (1 + 1e-12))
-    return float(f"{largest:.3g}")
-
-
 def factor_in_words(factor: float, turning: float = 1.0) -> str:
-    """The magnification in words: "motion drawn 20 times larger", or nothing for 1."""
+    """State a magnification: "motion drawn 20 times larger"; nothing for 1."""
     words = [f"motion drawn {factor:g} times larger"] if factor != 1 else []
     if turning != 1:
         words.append(f"the head's turning {factor * turning:g} times")
@@ -70,9 +63,10 @@ def factor_in_words(factor: float, turning: float = 1.0) -> str:
 class SceneView:
     """Base of the views.
 
-    what: the subject, for the caption; note: what else it says.  look: of the picture.  scale:
-    words of the scale bar, if any.  width: of the main picture, as a share.  legend: colours and
-    their meanings, below its title.
+    what, note: subject of the picture and a remark, for the caption.  look: exposure of the main
+    picture.  scale: words of the scale bar, if there is one.  width: fraction of the sheet's width
+    that the main picture takes.  has_state: whether the caption states the state.  legend: colours
+    and their meanings.  extra: parts that only insets and ghosts show.
     """
 
     what, note, legend_title = "the rig", "", ""
@@ -111,18 +105,22 @@ class SceneView:
     def powers(self) -> list[float]:
         return [float(power) for power in readings(self.sensor, self.state)[2::3]]
 
-    def side(self, share: float) -> int:
-        """Return the even side of an inset in pixels, as a share of the picture."""
-        return int(share * min(self.size[1], self.size[0] * 0.75)) // 2 * 2
+    def side(self, fraction: float) -> int:
+        """Return the side of an inset in pixels, as a fraction of the picture."""
+        return int(fraction * min(self.size[1], self.size[0] * 0.75))
 
-    def point_camera(self, sigmas: float, below: float, size: tuple[int, int]) -> Camera:
-        """Place a camera close to the apex, on the side of facets A and C."""
+    def apex_camera(self, sigmas: float, below: float, size: tuple[int, int]) -> Camera:
+        """Place a camera close to the apex, on the side of facets A and C.
+
+        sigmas: height of its picture, standard deviations of the beam.  below: depth of its focus
+        below the apex in the same unit.
+        """
         sigma = max(self.sensor.beam.diameter_x, self.sensor.beam.diameter_y) / 4
         focus = self.state[:3] - np.array([0, 0, below * sigma])
         return Camera(focus, POINT_VIEW, sigmas * sigma, size, angle=0.30)
 
-    def face_inset(self, k: int, side: int, note: str, **more: Any) -> Inset:
-        """Make an inset of a detector's face, seen from between its window and its silicon."""
+    def face_inset(self, k: int, side: int, note: str, **options: Any) -> Inset:
+        """Make an inset of a detector's face, from the front."""
         frame, psd = self.rig.detector_frame(k), self.sensor.psds[k]
         camera = Camera(
             frame.origin, -frame.axes[2], 1.16 * max(psd.size_z, psd.size_y), (side, side),
@@ -131,30 +129,30 @@ class SceneView:
         look = Exposure((f"face {DETECTORS[k]}",), 0.0, 3.0, floor=False, glows=True)
         words = f"{psd.size_y:g} x {psd.size_z:g} mm, {note}"
         title = f"detector {DETECTORS[k].upper()}"
-        return Inset(title, words, camera, look, self.theme.hues[k], **more)
+        return Inset(title, words, camera, look, self.theme.hues[k], **options)
 
 
 class RigView(SceneView):
-    """The whole rig, with its dimensions."""
+    """The rig with its dimensions."""
 
     area = (0.05, 0.05, 0.95, 0.88)
 
     def place_camera(self) -> Camera:
-        """Place the camera so that all of the rig at rest is in the picture."""
+        """Place the camera so that the rig at rest fills the picture."""
         start = Camera((0, 0, 0), RIG_VIEW, 230.0, self.size, angle=0.38)
         return fit(start, self.points(), self.area)
 
     def labels(self) -> list[Label]:
-        """Return the detectors' names, their distances from the axis, and the beam."""
+        """Return the detectors' names, their distances from the axis, and the beam's data."""
         return [*self.detector_names(), *self.radii(), self.beam_name()]
 
     def detector_names(self) -> list[Label]:
         names: list[Label] = []
         for k, letter in enumerate(DETECTORS):
             frame, high = self.rig.detector_frame(k), self.rig.housing(k)[1]
-            tops = [30 * frame.axes[2] + share * high * frame.axes[1] for share in (0.45, 0.9)]
-            places = frame.origin + self.rig.unit * np.array(tops)
-            names.append(Words(places, letter.upper(), 19, self.theme.hues[k], bold=True))
+            behind = [30 * frame.axes[2] + up * high * frame.axes[1] for up in (0.45, 0.9)]
+            places = frame.origin + self.rig.unit * np.array(behind)
+            names.append(Words(places, letter.upper(), 19, self.theme.hues[k], is_bold=True))
         return names
 
     def radii(self) -> list[Dimension]:
@@ -174,7 +172,7 @@ class RigView(SceneView):
 
 
 class CombinedView(RigView):
-    """The rig with magnified insets: the apex, and the three detectors' faces."""
+    """The rig with insets of the apex and of the three detectors' faces."""
 
     what = "three-facet-mirror sensor"
     area = (0.165, 0.03, 0.835, 0.93)
@@ -191,21 +189,21 @@ class CombinedView(RigView):
         right = width - edge - small
         slots = np.array([(right, edge), (edge, int(0.47 * height)), (right, int(0.40 * height))])
         targets = self.camera.project(self.rig.centres)[:, None, :2]
-        # the pairing with the shortest lines, of which none cross then
+        # lines of the smallest total length do not cross
         order = linear_sum_assignment(np.hypot(*(targets - slots - small / 2).transpose(2, 0, 1)))
-        camera = self.point_camera(17, 0.5, (side, side))
+        camera = self.apex_camera(17, 0.5, (side, side))
         faces = [
             self.face_inset(k, small, power_in_words(power), corner=tuple(slots[n]), target=centre)
             for k, n, power, centre in zip(*order, self.powers(), self.rig.centres, strict=True)
         ]
         note = f"{camera.height:.3g} mm wide"
-        point = Inset("the point", note, camera, HEAD_LOOK, self.theme.ink, (edge, edge),
-                      self.state[:3], round=True)  # fmt: skip
-        return [point, *faces]
+        apex = Inset("the point", note, camera, HEAD_LOOK, self.theme.ink, (edge, edge),
+                     self.state[:3], is_round=True)  # fmt: skip
+        return [apex, *faces]
 
 
 class MirrorView(SceneView):
-    """The mirror's apex, close: how the facets share the beam, and the light on each."""
+    """The apex of the mirror with the light on each facet."""
 
     what = "the point of the mirror, and the light on its facets"
     look = replace(HEAD_LOOK, haze=0.85, bloom=0.3)
@@ -215,14 +213,14 @@ class MirrorView(SceneView):
         return list(self.rig.head())
 
     def place_camera(self) -> Camera:
-        return self.point_camera(13, 0.4, self.size)
+        return self.apex_camera(13, 0.4, self.size)
 
     def move(self, state: Floats) -> None:
         super().move(state)
         self.camera = self.place_camera()
 
     def labels(self) -> list[Label]:
-        """Return names of the sub-beams with powers, outlines, and the beam's diameter."""
+        """Return the sub-beams' names and powers, the outlines, and the beam's diameter."""
         labels: list[Label] = [self.width_across()]
         for k, (letter, power) in enumerate(zip(DETECTORS, self.powers(), strict=True)):
             out = normalize(self.rig.centres[k] - self.state[:3])
@@ -233,7 +231,7 @@ class MirrorView(SceneView):
         return labels
 
     def outline(self, k: int) -> list[Label]:
-        """Return the line where the light on facet k falls to 1/e^2 of its maximum."""
+        """Return the line on facet k where the irradiance is 1/e^2 of its maximum."""
         cross, normal = cut(self.posed, k), np.array(self.posed.at.normals[k], float)
         if not len(cross) or self.camera.axes[2] @ normal > 0:
             return []
@@ -250,7 +248,7 @@ class MirrorView(SceneView):
 
 
 class DetectorView(SceneView):
-    """A commercial detector A with the light on it."""
+    """Detector A with the light on it."""
 
     what, scale = "detector A and the light on it", " at the detector"
 
@@ -263,41 +261,41 @@ class DetectorView(SceneView):
     def labels(self) -> list[Label]:
         frame, (wide, high) = self.rig.detector_frame(0), self.rig.housing(0)
         psd = self.sensor.psds[0]
-        shares = np.array([(-1, 1), (1, 1), (1, -1)]) / 2
-        left, corner, low = frame.origin + shares * [psd.size_y, psd.size_z] @ frame.axes[:2]
+        halves = np.array([(-1, 1), (1, 1), (1, -1)]) / 2
+        side, corner, low = frame.origin + halves * [psd.size_y, psd.size_z] @ frame.axes[:2]
         per_unit = self.rig.unit / self.camera.pixel / unit_of(self.size)
         sideways, upward = normalize(frame.axes[:2] @ self.camera.axes[:2].T) * [1, -1]
         across, up = (
-            (share * size - face / 2) * per_unit
-            for share, size, face in zip((0.72, 0.68), (wide, high), self.rig.face(0), strict=True)
+            (fraction * size - face / 2) * per_unit
+            for fraction, size, face in zip(
+                (0.72, 0.68), (wide, high), self.rig.face(0), strict=True
+            )
         )
         return [
-            Dimension([left, corner], length_in_words(psd.size_y), up, upward),
+            Dimension([side, corner], length_in_words(psd.size_y), up, upward),
             Dimension([corner, low], length_in_words(psd.size_z), across, sideways),
         ]
 
 
 class CutawayView(SceneView):
-    """The rig cut along the beam and through detector A, square to the cut, with its dimensions."""
+    """The rig cut along the beam and through detector A, with its dimensions."""
 
     what, scale = "cut along the beam and through detector A", ""
     look = Exposure(hidden=(1, 2), floor=False)
 
     def normal(self) -> Floats:
-        """Return the direction of the removed side."""
+        """Return the direction towards the removed side."""
         x, y, _ = self.rig.centres[0]
         return normalize([y, -x, 0.0])
 
     def choose_parts(self) -> list[RigPart]:
-        """List the cut parts, and the mirror in one piece, so that it is closed."""
-        rig = self.rig
-        *facets, body, mount = list(rig.head())[:5]
-        whole = replace(body, solid=join([body.solid, *(facet.solid for facet in facets)]))
-        base = list(rig.base())
-        plates = [part for part in base if part.name == "plate"]
-        kept = [whole, mount, *list(rig.head())[5:], *rig.laser(), *rig.gantry(), base[0],
-                plates[0], plates[3], *rig.detector(0), *rig.support(0)]  # fmt: skip
-        return cut_parts(kept, self.normal())
+        """List the cut parts; the mirror is joined to one piece, so that its surface is closed."""
+        rig, (a, b, c, body, *mount) = self.rig, list(self.rig.head())
+        mirror = replace(body, solid=join([part.solid for part in (body, a, b, c)]))
+        hub, *arms = (part for part in rig.base() if part.name != "tapped holes")
+        parts = [mirror, *mount, *rig.laser(), *rig.gantry(), hub, arms[0], arms[3],
+                 *rig.detector(0), *rig.support(0)]  # fmt: skip
+        return cut_parts(parts, self.normal())
 
     def square(self, focus: Any, height: float, size: tuple[int, int]) -> Camera:
         """Place a camera square to the cut."""
@@ -312,14 +310,16 @@ class CutawayView(SceneView):
         radius, high = self.rig.head_radius * self.rig.unit, self.rig.unit * self.rig.housing(0)[1]
         inner = frame.origin + 6 * self.rig.unit * frame.axes[2]
         look = replace(self.look, haze=0.5)
-        left, top = int(0.39 * self.size[0]), int(30 * unit)
+        start, top = int(0.39 * self.size[0]), int(30 * unit)
         insets = []
         for title, focus, height, hue, corner in (
-            ("mirror head", np.array([0, 0, -0.55 * radius]), 3.1 * radius, self.theme.ink, left),
-            ("detector A", inner, 1.45 * high, self.theme.hues[0], left + side + int(40 * unit)),
+            ("mirror head", np.array([0, 0, -0.55 * radius]), 3.1 * radius, self.theme.ink, start),
+            ("detector A", inner, 1.45 * high, self.theme.hues[0], start + side + int(40 * unit)),
         ):
             camera, note = self.square(focus, height, (side, side)), f"{height:.3g} mm wide"
-            insets.append(Inset(title, note, camera, look, hue, (corner, top), focus, round=True))
+            insets.append(
+                Inset(title, note, camera, look, hue, (corner, top), focus, is_round=True)
+            )
         return insets
 
     def labels(self) -> list[Label]:
@@ -335,7 +335,7 @@ class CutawayView(SceneView):
 
 
 class HeadView(SceneView):
-    """Base of the views of the mirror head alone, on its stage."""
+    """Base of the views of the mirror head on its stage."""
 
     area = (0.26, 0.10, 0.74, 0.86)
 
@@ -343,7 +343,7 @@ class HeadView(SceneView):
         return [*self.rig.head(), next(iter(self.rig.base()))]
 
     def drawn_points(self) -> Floats:
-        """Return points (n, 3) that must be in the picture."""
+        """Return points (n, 3) that the picture must contain."""
         raise NotImplementedError
 
     def place_camera(self) -> Camera:
@@ -352,7 +352,7 @@ class HeadView(SceneView):
 
 
 class RangeView(HeadView):
-    """The range of the mirror's place as a translucent solid about its apex."""
+    """The range of the mirror's position as a translucent solid about its apex."""
 
     scale, legend_title = None, "The range ends where"
     look = Exposure(haze=0.8, ghosts=(Ghost(("range",), np.zeros(8), 0.58, 0.22),))
@@ -362,18 +362,18 @@ class RangeView(HeadView):
         super().__init__(*arguments)
 
     def choose_parts(self) -> list[RigPart]:
-        """List the head, and aside the sides of the range, enlarged until they are visible."""
+        """List the head; the sides of the range are extra parts, enlarged until visible."""
         from matplotlib.colors import to_hex
 
         solid = range_solid(self.sensor, self.rules)
-        half, wanted = np.abs(solid.extent).max(axis=0), 13.0 * self.rig.unit
-        aside, up = (visible_factor(wanted / float(size)) for size in (half[:2].max(), half[2]))
-        factors = np.array([aside, aside, up])
+        half, visible = np.abs(solid.extent).max(axis=0), 13.0 * self.rig.unit
+        level, up = (visible_factor(visible / float(size)) for size in (half[:2].max(), half[2]))
+        factors = np.array([level, level, up])
         self.extent, self.ends = np.ptp(solid.extent, axis=0), factors * solid.extent
-        across, along = (f"drawn {f:g} times larger" if f != 1 else "to scale" for f in (aside, up))
+        across, along = (f"drawn {f:g} times larger" if f != 1 else "to scale" for f in (level, up))
         self.note = across if across == along else f"x and y {across}, z {along}"
         following = ", the beam following" if self.rules.tracking else ""
-        self.what = f"range of the mirror's place{following}"
+        self.what = f"range of the mirror's position{following}"
         causes = np.unique(solid.causes)
         self.legend = [(COLOURS[n], REASONS[n]) for n in causes]
         # colours are linear in physically based shading
@@ -390,11 +390,11 @@ class RangeView(HeadView):
 
     def labels(self) -> list[Label]:
         """Return the range of each axis, on the outside of the solid."""
-        (left, front, low), (right, back, high) = self.ends
+        (x0, y0, z0), (x1, y1, z1) = self.ends
         sides = (
-            ([(left, front, low), (right, front, low)], (0.0, 1.0)),
-            ([(right, front, low), (right, back, low)], (0.0, 1.0)),
-            ([(left, front, low), (left, front, high)], (-1.0, 0.0)),
+            ([(x0, y0, z0), (x1, y0, z0)], (0.0, 1.0)),
+            ([(x1, y0, z0), (x1, y1, z0)], (0.0, 1.0)),
+            ([(x0, y0, z0), (x0, y0, z1)], (-1.0, 0.0)),
         )
         return [
             Dimension(ends, f"{name}  {length_in_words(float(f'{size:.4g}'))}", 26, towards, 16)
@@ -403,14 +403,17 @@ class RangeView(HeadView):
 
 
 def visible_factor(ratio: float) -> float:
-    """Return 1 if what is drawn is visible at its own size, else a round factor."""
+    """Return 1 if a body is visible to scale, else the round factor that makes it so.
+
+    ratio: size of a well visible body over that of the body.
+    """
     return 1.0 if 0.4 < ratio < 4 else round_down(ratio)
 
 
 class TrailView(HeadView):
     """The path of the mirror's apex in a motion, and the spots' paths on the detectors."""
 
-    what, scale, width = "the way of the mirror's point", " of the mirror", 0.645
+    what, scale, width = "the path of the mirror's point", " of the mirror", 0.645
     area = (0.08, 0.10, 0.66, 0.84)
     has_state = False
 
@@ -419,7 +422,7 @@ class TrailView(HeadView):
         super().__init__(*arguments)
 
     def choose_parts(self) -> list[RigPart]:
-        """List the head, with ghosts where its path is lowest and highest."""
+        """List the head, with ghosts at the lowest and the highest point of its path."""
         reach = float(np.abs(self.motion[:, :3]).max())
         factor = max(1.0, round_down(16.0 * self.rig.unit / reach)) if reach > 0 else 1.0
         self.path, self.note = factor * self.motion[:, :3], factor_in_words(factor)
@@ -435,25 +438,23 @@ class TrailView(HeadView):
         return np.concatenate([self.path, self.rig.head_radius * self.rig.unit * rim])
 
     def move(self, state: Floats) -> None:
-        """Stay at rest, since a motion has no single state."""
+        """Stay at rest, since a motion has many states."""
         super().move(np.zeros(8))
 
     def labels(self) -> list[Label]:
-        """Return the path, in colours that change with time, and its start."""
-        first, last = rgb("#FFD166"), rgb("#EF476F")
-        shares = np.linspace(0, 1, len(self.path) - 1)[:, None]
-        start = Words(self.path[:1], "\u25cf", 15, "#FFD166")
-        return [Polyline(self.path, first + shares * (last - first), 2.6), start]
+        """Return the path, whose colour changes with time, and its start."""
+        hues = np.linspace(rgb("#FFD166"), rgb("#EF476F"), len(self.path) - 1)
+        return [Polyline(self.path, hues, 2.6), Words(self.path[:1], "\u25cf", 15, "#FFD166")]
 
     def insets(self) -> list[Inset]:
         """Return the detectors' faces with the spots' paths, true to scale."""
-        height, side = self.size[1], int(0.235 * self.size[1]) // 2 * 2
-        left = self.size[0] - side - int(30 * unit_of(self.size))
+        height, side = self.size[1], int(0.235 * self.size[1])
+        start = self.size[0] - side - int(30 * unit_of(self.size))
         reading, insets = readings(self.sensor, self.motion), []
         for k in range(3):
             frame = self.rig.detector_frame(k)
             spots = frame.origin + reading[:, 3 * k : 3 * k + 2] @ frame.axes[:2]
             path = Polyline(spots, THEMES["dark"].hues[k], 1.6)
-            corner = (left, int((0.04 + k * 0.315) * height))
+            corner = (start, int((0.04 + k * 0.315) * height))
             insets.append(self.face_inset(k, side, "to scale", corner=corner, labels=[path]))
         return insets
