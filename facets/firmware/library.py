@@ -77,36 +77,28 @@ class FirmwareLibrary:
         return bool(close.all())
 
     def solve(
-        self,
-        readings: ArrayLike,
-        beam: str = "free",
-        start: ArrayLike | None = None,
-        means: ArrayLike | None = None,
-        sigmas: ArrayLike | None = None,
-        accept_unchecked: bool = False,
+        self, readings: ArrayLike, start: ArrayLike | None = None, **options: ArrayLike
     ) -> FirmwareSolutions:
         """Solve readings (n, 9) for poses.
 
-        start: states and powers (9,) or (n, 9) to start from; None for zero.  beam: "free", or
-        "known" at the position of the start.  means, sigmas: (3,) priors of the beam's position and
-        power, as in `facets_options`; None for an unknown position and a known power.
-        accept_unchecked: as for `facets.solve`.
+        start: states and powers (9,) or (n, 9) to start from; None for zero.  options: fields of
+        `facets_options` that differ from `facets_default_options`.
         """
         rows = np.ascontiguousarray(as_vectors(readings, 9, "readings"), self.kind)
         solutions = np.zeros(len(rows), self._solution)
-        begin: NDArray[Any] | None = None
+        starts: list[Any] = [None] * len(rows)
         if start is not None:
-            begin = np.ascontiguousarray(
-                np.broadcast_to(np.asarray(start, self.kind), (len(rows), 9))
-            )
-        options = self._solve_options(beam, means, sigmas)
-        options["accept_unchecked"] = accept_unchecked
-        for n, row in enumerate(rows):
-            first = None if begin is None else pointer(begin[n])
-            if beam == "known" and begin is not None:
-                options["mean"][:2] = begin[n, 6:8]
+            starts = [*np.ascontiguousarray(np.broadcast_to(start, (len(rows), 9)), self.kind)]
+        settings = np.zeros((), self._options)
+        self._code.facets_default_options(pointer(settings))
+        for name, value in options.items():
+            settings[name] = value
+        for n, (row, first) in enumerate(zip(rows, starts, strict=True)):
             self._code.facets_solve(
-                pointer(row), first, pointer(options), pointer(solutions[n : n + 1])
+                pointer(row),
+                None if first is None else pointer(first),
+                pointer(settings),
+                pointer(solutions[n : n + 1]),
             )
         return FirmwareSolutions(
             solutions["state"].astype(float),
@@ -116,18 +108,6 @@ class FirmwareLibrary:
             solutions["residual"].astype(float),
             solutions["used"] > 0,
         )
-
-    def _solve_options(self, beam: str, means: ArrayLike | None, sigmas: ArrayLike | None) -> Any:
-        """Make the options of the C code, an array without dimensions."""
-        options = np.zeros((), self._options)
-        self._code.facets_default_options(pointer(options))
-        if beam == "known":
-            options["sigma"][:2] = 0
-        if means is not None:
-            options["mean"] = means
-        if sigmas is not None:
-            options["sigma"] = sigmas
-        return options
 
     def readings_of_counts(self, counts: ArrayLike, dark: ArrayLike, xy_sum: bool) -> Floats:
         """Readings (n, 9) of counts (n, 12); dark: (12,)."""

@@ -82,7 +82,8 @@ def test_a_beam_that_has_followed_is_known_where_it_is(folder, precision):
         start = np.array([*place, 0, 0, 0, 0, *place])
         state = start + np.pad(rng.uniform(-0.05, 0.05, 2), (0, 6))
         reading = facets.add_noise(BENCH, facets.readings(BENCH, state)[None], rng)
-        solution = code.solve(reading, "known", np.append(start, BENCH.beam.power))
+        prior = [*place, BENCH.beam.power]
+        solution = code.solve(reading, [*start, prior[2]], mean=prior, sigma=np.zeros(3))
         known = facets.solve(BENCH, reading, beam=facets.Prior(place, 0.0), start=start)
         assert solution.status == known.status == 0
         off = np.abs(solution.state - known.state)[0, :6]

@@ -194,7 +194,7 @@ def solve_c(question: Question, precision: str) -> Answer:
     if not isinstance(question.start, str):
         start = np.column_stack([question.start, np.full(len(question.start), means[2])])
     found = library(question.sensor, precision).solve(
-        question.readings, means=means, sigmas=sigmas, start=start,
+        question.readings, start, mean=means, sigma=sigmas,
         accept_unchecked=question.accept_unchecked,
     )  # fmt: skip
     return Answer(
