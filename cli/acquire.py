@@ -129,11 +129,11 @@ def acquire(
     the zero is measured. Ctrl-C, SIGTERM and closing the terminal end the run: the
     stage is stopped first, and the recording is closed last.
 
-    Exit status 1 if too many samples were lost, the board was silent for too long, no sample
-    arrived or gave a pose, most samples did not fit, the stage was stopped and not resumed, no zero
-    could be measured, or the check of the stage or the disk failed; the command prints which. Exit
-    status 2 if it cannot start or the port is closed; after SIGTERM or SIGHUP 128 plus the signal's
-    number.
+    Exit status 1, with the reasons in words, if too many samples were lost, the board was silent
+    for too long, no sample arrived or gave a pose, or most samples did not fit. Also if the stage
+    was stopped and not resumed, no zero could be measured, or the check of the stage or the disk
+    failed. Exit status 2 if it cannot start or the port is closed; after SIGTERM or SIGHUP 128 plus
+    the signal's number.
     """
     if plain and json:
         raise InputError("--plain and --json exclude each other; give one of them")

@@ -3,7 +3,7 @@
 A command's results are its files. So a standard output that ends before the command does, as under
 `| head -1`, or that is closed from the beginning (`>&-`), loses nothing: what is printed after that
 is dropped, and the files are written. A standard output that cannot be written, as on a full disk,
-is told on standard error at the end.
+is reported on standard error at the end.
 """
 
 from __future__ import annotations
@@ -73,10 +73,10 @@ def guard(stream: Any) -> tuple[Any, Stream | None]:
         low = Stream(open(stream.fileno(), "wb", buffering=0, closefd=False))  # noqa: SIM115
     except (OSError, ValueError, AttributeError):
         return stream, None
-    known = is_ascii(stream.encoding)
+    uses_ascii = is_ascii(stream.encoding)
     text = io.TextIOWrapper(
         io.BufferedWriter(low),
-        encoding=PLAIN_ASCII if known else stream.encoding,
+        encoding=PLAIN_ASCII if uses_ascii else stream.encoding,
         errors="facets-plain",
         line_buffering=True,
     )
@@ -102,10 +102,10 @@ def plain_ascii(name: str) -> codecs.CodecInfo | None:
     """Search function of `codecs`: ASCII by another name."""
     if name.replace("-", "_") != PLAIN_ASCII.replace("-", "_"):
         return None
-    known = codecs.lookup("ascii")
+    codec = codecs.lookup("ascii")
     return codecs.CodecInfo(
-        known.encode, known.decode, known.streamreader, known.streamwriter,
-        known.incrementalencoder, known.incrementaldecoder, name=PLAIN_ASCII,
+        codec.encode, codec.decode, codec.streamreader, codec.streamwriter,
+        codec.incrementalencoder, codec.incrementaldecoder, name=PLAIN_ASCII,
     )  # fmt: skip
 
 

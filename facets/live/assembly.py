@@ -48,7 +48,7 @@ Show = Callable[[Live], None]
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """What a run does beside reading and solving.
+    """Options of a run in addition to reading and solving.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class RunOptions:
     reconnect
         Whether the run waits for an unplugged board.
     max_loss, compare
-        Largest share of lost samples or of silence in a good run, and whether poses that differ
+        Largest fraction of lost samples or of silence in a good run, and whether poses that differ
         from the board's poses make a run bad.
     publish
         Addresses at which samples are published.
@@ -161,7 +161,7 @@ class Run:
         port : str, optional
             Port of the detector board; `acquire.port` of the configuration by default.
         options : RunOptions, optional
-            What the run does beside reading and solving; it is recorded by default.
+            Recording, publication, stage and end of the run; it is recorded by default.
         on_progress : callable
             Receives messages for the user at the beginning, line by line.
 
@@ -285,7 +285,7 @@ class Run:
         acquire(self.live, self.reader, self.ending, show, self.complaints)
 
     def complaints(self) -> list[str]:
-        """The faults of a finished run, in sentences; empty for a good run."""
+        """Return the faults of a finished run, in sentences; none for a good run."""
         live, sentences = self.live, self.sample_complaints()
         if live.pipeline.tally.misfit.is_mostly_flagged:
             sentences.append(live.pipeline.tally.misfit.sentence)
@@ -304,7 +304,7 @@ class Run:
         return sentences
 
     def sample_complaints(self) -> list[str]:
-        """What is wrong with the samples of a finished run, in sentences."""
+        """Return the faults of the samples of a finished run, in sentences."""
         live, without = self.live, self.live.time_without_samples
         sentences = [text for text in (live.pipeline.tally.pose_complaint(),) if text]
         if clock := live.pipeline.times.fault:
@@ -336,7 +336,7 @@ def prepare_live(config: Config, columns: PoseColumns, bench: BenchInProcess | N
 def resolve_object(config: Config) -> Config:
     """Return the configuration with its object in its keys.
 
-    The object may be that of --point; a recording that keeps it is solved again for the same point.
+    The object may come from --point; with it in the recording, a replay solves for the same point.
     """
     keys = block_of(MeasuredObject).write(config.resolved["object"], config.object or MIRROR)
     if keys == config.resolved["object"]:
@@ -346,7 +346,7 @@ def resolve_object(config: Config) -> Config:
 
 
 def open_bench(port: str, config: Config, options: RunOptions) -> BenchInProcess | None:
-    """Make the virtual bench that a port names, whose stage is the only one that may then move."""
+    """Make the virtual bench that a port names; no stage but that of the bench may then move."""
     if not port.startswith(VIRTUAL):
         return None
     if options.stage_port:

@@ -26,8 +26,8 @@ from .streams.sample_rows import row_content
 if TYPE_CHECKING:
     from ..core.settings import Config
 
-#: Samples that are written to a file together; a recording's blocks have few, and each write has a
-#: cost beside that of its rows. Standard output gets each block at once.
+#: Number of samples that are written to a file together, because each write has a fixed cost and a
+#: recording's blocks have few samples. Standard output gets each block at once.
 ROWS_PER_WRITE = 5_000
 
 
@@ -80,9 +80,8 @@ class Playback:
     ) -> Iterator[RunPoses]:
         """Yield the poses, in the blocks of the recorded bytes.
 
-        recover: also read bytes without an index, or
-        with one that does not match, which otherwise raise `InputError`.  on_progress: called
-        with the number of bytes read and their total.
+        recover: also read bytes without an index, or with one that does not match, which otherwise
+        raise `InputError`.  on_progress: called with the number of bytes read and their total.
         """
         return replay(self.folder, self.pipeline, self.damage, on_progress, recover)
 
@@ -155,9 +154,9 @@ class Playback:
             self.write_table(path, poses, about)
 
     def await_zero(self, poses: Iterable[RunPoses]) -> Iterator[RunPoses]:
-        """Return the same poses after taking in all samples of the zero of displacements.
+        """Return the same poses once the zero of displacements is measured.
 
-        Raises `InputError` if there is no sample after them.
+        Raises `InputError` if the recording ends before.
         """
         held, rest = [], iter(poses)
         while self.pipeline.measurement.is_measuring:

@@ -14,7 +14,7 @@ from ..characterization.ranges import axis_ranges
 from ..core.errors import InputError
 from ..files import provenance, whole
 from ..tracking.check import StageCheck, stage_identity
-from ..tracking.control import margin_of, pull_of
+from ..tracking.control import capture_range, margin_of
 from ..tracking.envelope import Envelope
 from .sources.ports import VIRTUAL, open_line
 
@@ -41,12 +41,15 @@ def refuse_board(config: Config, port: str) -> None:
 
 def require_stage_check(config: Config, port: str) -> None:
     """Raise `InputError` for a stage whose wiring has not been checked."""
-    known, here = config.stage.checked, stage_identity(config.stage.driver, port, config.stage.step)
-    if known and known.partition(" ")[2] == here:
+    checked, identity = (
+        config.stage.checked,
+        stage_identity(config.stage.driver, port, config.stage.step),
+    )
+    if checked and checked.partition(" ")[2] == identity:
         return
     what = (
-        f"is {known!r}, which is not the stage that is configured now, {here!r}"
-        if known
+        f"is {checked!r}, which is not the stage that is configured now, {identity!r}"
+        if checked
         else "is not given"
     )
     raise InputError(
@@ -60,7 +63,7 @@ def require_stability(config: Config, on_progress: Callable[[str], None]) -> Non
     stage = config.stage
     axes = axis_ranges(config.sensor, config.range, np.zeros(6))[:2]
     clearance = min(axis.symmetric / 2 for axis in axes)
-    margin = margin_of(stage, pull_of(config.sensor, clearance))
+    margin = margin_of(stage, capture_range(config.sensor, clearance))
     on_progress(f"stage: {stage.law}, {margin.words}")
     if margin.times < 1:
         raise InputError(
@@ -89,8 +92,8 @@ def open_envelope(
 
     # no stage but the virtual one has another clock than the host's
     clock = bench.clock if bench else time.monotonic
-    again = open_port if is_reopened else None
-    return Envelope(open_port(), settings, add_event, clock, again)
+    open_again = open_port if is_reopened else None
+    return Envelope(open_port(), settings, add_event, clock, open_again)
 
 
 def check_sentences(

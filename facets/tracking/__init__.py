@@ -6,7 +6,7 @@ __getattr__ = load_on_use(
         "arrival": "Arrival MAX_PLACE_AGE_S excursion settling_time",
         "check": "SLACK_MM STEP_MM StageCheck",
         "contract": "check_driver",
-        "control": "Law ControlInput margin_of pull_of slope_of_error tracking_error",
+        "control": "Law ControlInput capture_range margin_of slope_of_error tracking_error",
         "drivers": "DRIVERS open_driver",
         "encoder": "Encoder",
         "envelope": "Envelope stopping_time",

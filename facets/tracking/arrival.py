@@ -46,7 +46,7 @@ def settling_time(settings: Settings) -> float:
 
 
 def excursion(settings: Settings) -> float:
-    """The largest distance that a disobedient controller moves before it stands still, mm.
+    """The largest distance that a disobedient controller moves before it is at rest, mm.
 
     It moves by `POSITION_SLACK_MM` unnoticed, then at the largest speed until the loop has asked
     for its position, received the answer and sent a stop; then it brakes. Keep this distance
@@ -87,9 +87,9 @@ class Arrival:
     def complaint(self, now: float, place: Floats) -> str:
         """The fault of a stage that is now at a place (2,); empty if there is none."""
         self.places.append((now, place))
-        for kept in (self.goals, self.places):  # the first entry held when the time began
-            while len(kept) > 1 and kept[1][0] <= now - self.patience:
-                kept.popleft()
+        for entries in (self.goals, self.places):  # the first entry held when the time began
+            while len(entries) > 1 and entries[1][0] <= now - self.patience:
+                entries.popleft()
         start, goals = self.places[0][1], np.array([goal for _, goal in self.goals])
         short = distance_to_box(place, goals)
         if short <= self.slack:

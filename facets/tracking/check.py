@@ -1,12 +1,12 @@
 """The check of a stage before its first use: small slow moves, measured by the readings.
 
-The mirror stands still. The stage moves the beam by STEP_MM along each axis and back, within the
+The mirror is at rest. The stage moves the beam by STEP_MM along each axis and back, within the
 same envelope as in a run, and the readings alone, without the encoder, measure the beam's place.
 The result is the sign, the scale and the delay of each axis, and whether x and y are exchanged.
 
-The units of the envelope's limits are among what is checked, so the light bounds the moves: the
-first one is a single native step, each next one goes twice as far, and the check ends at the first
-sample without a good pose, or with the beam more than SLACK_MM from where it was to be.
+The units of the envelope's limits are not trusted before the check, so the light bounds the moves.
+The first move is a single native step, and each further one is twice as long. The check ends at the
+first sample without a good pose, or with the beam more than SLACK_MM from its expected place.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ from .tracker import STALE, Sample, Tracker
 STEP_MM, SPEED_MM_S = 0.05, 0.5
 #: Largest distance of the beam from where its move was to bring it, mm: more than the noise.
 SLACK_MM = 0.01
-#: The stage stands for DWELL_S at both ends of STEP_MM; the beam's place is the mean over the last
+#: The stage dwells for DWELL_S at both ends of STEP_MM; the beam's place is the mean over the last
 #: MEAN_S.
 DWELL_S, MEAN_S = 0.5, 0.25
-#: Longest time without any sample, s; the stage gets no command in it, so it stands.
+#: Longest time without any sample, s; the stage gets no command in it, so it is at rest.
 WAIT_S = 2.0
 #: Longest time of a check, s.
 LONGEST_S = 60.0
 #: A check ends after more than this number of stalls of the loop.
 MAX_STALLS = 10
-#: Largest error of an axis's scale, and largest share of a move across its axis.
+#: Largest error of an axis's scale, and largest fraction of a move across its axis.
 MAX_SCALE_ERROR, MAX_ACROSS = 0.05, 0.1
-#: A beam that moves by less than this share of the command counts as not moved.
-HARDLY_MOVED_SHARE = 0.1
+#: A beam that moves by less than this fraction of the command counts as not moved.
+HARDLY_MOVED_FRACTION = 0.1
 #: A mirror that moves by more than this during the check is not at rest, mm.
 MAX_MIRROR_MM = 0.01
-#: The part of the way back over which the delay is taken: a stage has then reached its speed.
-RAMP_SHARES = (0.1, 0.7)
+#: The part of the way back over which the delay is measured: a stage has then reached its speed.
+RAMP_PART = (0.1, 0.7)
 
 
 class Axis(NamedTuple):
     """The beam's response to a command along one axis.
 
     scale: move along the axis over the command.  across: move along the other axis over the
-    command.  delay: from the command to the light, s.
+    command.  delay: time from the command to the light, s.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Axis(NamedTuple):
     @property
     def fault(self) -> str:
         """The fault of the axis; empty if there is none."""
-        if max(abs(self.scale), abs(self.across)) < HARDLY_MOVED_SHARE:
+        if max(abs(self.scale), abs(self.across)) < HARDLY_MOVED_FRACTION:
             what = f"hardly moves the beam: check that {self.name} is connected, and stage.step_um"
         elif abs(self.across) > abs(self.scale):
             what = "moves the beam along the other axis: exchange the cables of x and y"
@@ -84,10 +84,10 @@ class Axis(NamedTuple):
         return f"a command along {self.name} {what}"
 
 
-def response(axis: int, share: Floats, delay: float) -> Axis:
-    """The response of axis 0 or 1 (x or y), whose command moves the beam by a share (2,) of
-    itself."""
-    return Axis("xy"[axis], float(share[axis]), float(share[1 - axis]), delay)
+def response(axis: int, fraction: Floats, delay: float) -> Axis:
+    """Return the response of axis 0 or 1 (x or y), whose command moves the beam by a fraction (2,)
+    of the command."""
+    return Axis("xy"[axis], float(fraction[axis]), float(fraction[1 - axis]), delay)
 
 
 def stage_identity(driver: str, port: str, step: float) -> str:
@@ -131,19 +131,19 @@ class StageCheck(Tracker):
         return self.leg == len(self.goals)
 
     @property
-    def stands(self) -> bool:
+    def is_at_rest(self) -> bool:
         """Whether a stopped stage has had the time to come to rest."""
         return self.clock() - self.envelope.latched_at > self.envelope.arrival.patience
 
     @property
     def is_over(self) -> bool:
         """Whether the check is complete, or the stage was stopped before."""
-        ended = self.envelope.latched and not self.has_stalled and self.stands
+        ended = self.envelope.latched and not self.has_stalled and self.is_at_rest
         return self.is_complete or bool(self.error or ended)
 
     @property
     def has_stalled(self) -> bool:
-        """Whether the stage waits for the end of a stall of the loop, after which it goes on."""
+        """Whether the check waits for the end of a stall of the loop, and then continues."""
         return self.envelope.latched == STALLED and self.envelope.stops <= MAX_STALLS
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
@@ -165,11 +165,11 @@ class StageCheck(Tracker):
             self.commands[self.leg].append((now, sent))
             if np.abs(sent - goal).max() < 1e-9:
                 self.arrived = min(self.arrived, now)
-        if self.has_stood(good.time):
+        if self.has_dwelt(good.time):
             self.leg, self.arrived = self.leg + 1, np.inf
 
-    def has_stood(self, time: float) -> bool:
-        """Whether the stage has stood long enough at the goal of its leg."""
+    def has_dwelt(self, time: float) -> bool:
+        """Whether the stage has dwelt long enough at the goal of its leg."""
         dwell = DWELL_S if self.leg in self.ends else settling_time(self.settings)
         return time > self.arrived + dwell
 
@@ -183,7 +183,7 @@ class StageCheck(Tracker):
             return ""
         start, goal = self.goals[self.leg - 1 : self.leg + 1]
         moved = good.beam - self.mean(0)
-        corners = np.array([goal if self.has_stood(good.time) else start, goal])
+        corners = np.array([goal if self.has_dwelt(good.time) else start, goal])
         self.is_surprised = not distance_to_box(moved, corners) <= SLACK_MM
         if not self.is_surprised:
             return ""
@@ -192,11 +192,11 @@ class StageCheck(Tracker):
     def is_resumed(self, doubt: str, newest: Sample, now: float) -> bool:
         """Resume a check by itself, and by nobody else, after a stall of the loop on a busy
         machine: the person who began the check is there, and no move is longer than STEP_MM."""
-        self.request = "the check" if self.has_stalled and self.stands else ""
+        self.request = "the check" if self.has_stalled and self.is_at_rest else ""
         return bool(self.request) and super().is_resumed(doubt, newest, now)
 
     def bridge(self, now: float) -> bool:
-        """Stand for up to WAIT_S while no samples come."""
+        """Wait without a command for up to WAIT_S while no samples come."""
         return self.newest.doubt in ("", STALE) and now - self.good.time < WAIT_S
 
     def axes(self) -> list[Axis]:
@@ -204,8 +204,10 @@ class StageCheck(Tracker):
         responses = []
         for n in range(2):
             before, there, after = (self.mean(leg) for leg in self.ends[2 * n : 2 * n + 3])
-            share = (2 * there - before - after) / (2 * STEP_MM)
-            responses.append(response(n, share, self.delay(self.ends[2 * n + 2], n, share[n])))
+            fraction = (2 * there - before - after) / (2 * STEP_MM)
+            responses.append(
+                response(n, fraction, self.delay(self.ends[2 * n + 2], n, fraction[n]))
+            )
         return responses
 
     def mean(self, leg: int) -> Floats:
@@ -221,11 +223,11 @@ class StageCheck(Tracker):
         taken = np.array([time for time, _ in self.beams[leg]])
         beam = np.array([place[axis] for _, place in self.beams[leg]]) - self.mean(leg)[axis]
         half = 0.5 / self.settings.rate  # a command lasts for one period
-        here = np.interp(taken - half, times, commanded, left=STEP_MM)
-        midst = (here > RAMP_SHARES[0] * STEP_MM) & (here < RAMP_SHARES[1] * STEP_MM)
+        at_command = np.interp(taken - half, times, commanded, left=STEP_MM)
+        midst = (at_command > RAMP_PART[0] * STEP_MM) & (at_command < RAMP_PART[1] * STEP_MM)
         if not midst.any() or not scale:
             return float("nan")
-        return float((beam / scale - here)[midst].mean() / self.narrow.speed)
+        return float((beam / scale - at_command)[midst].mean() / self.narrow.speed)
 
     def faults(self) -> list[str]:
         """The reasons why the stage must not be used, in sentences; empty if there are none."""

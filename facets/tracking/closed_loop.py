@@ -15,7 +15,7 @@ from .stage import StageModel
 def simulate_following(sensor: Sensor, settings: Settings, time: Floats, truth: Floats) -> Floats:
     """True states (n, 8) at times (n,), s, with the beam carried by the stage.
 
-    The beam begins at the apex. The stage stands still while a facet has no light.
+    The beam begins at the apex. The stage stops while a facet has no light.
     """
     states = truth.copy()
     law, model = Law.from_sensor(sensor, settings), StageModel(settings)
@@ -29,8 +29,8 @@ def simulate_following(sensor: Sensor, settings: Settings, time: Floats, truth: 
             due += 1 / settings.rate
             powers = readings(sensor, states[n])[2::3]
             if np.isfinite(powers).all() and (powers > 0).all():
-                seen = ControlInput(now, now, powers, states[n, :2], model.place)
-                model.command(law.command(seen))
+                measured = ControlInput(now, now, powers, states[n, :2], model.place)
+                model.command(law.command(measured))
             else:
                 model.halt()
                 law.forget()

@@ -112,10 +112,10 @@ def check_stop(
     name: str,
     wait: Callable[[float], None],
 ) -> None:
-    """Check that a stopped move ends before its goal, and that the stage then stands."""
+    """Check that a stopped move ends before its goal, and that the stage is then at rest."""
     driver.move(goal)
     stop()
-    for _ in range(100):  # the stage may need a while to stand
+    for _ in range(100):  # the stage may need a while to come to rest
         before = driver.place()
         wait(0.02)
         if np.abs(driver.place() - before).max() < SAME_PLACE_MM / 10:

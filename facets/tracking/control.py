@@ -38,9 +38,9 @@ class ControlInput:
 def tracking_error(powers: Floats) -> Floats:
     """chi_x, chi_y of Eq. (14), (..., 2), from powers (..., 3): a measure of the offset."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = powers / powers.sum(axis=-1, keepdims=True)
-    x = share[..., 0] - (share[..., 1] + share[..., 2]) / 2
-    y = (share[..., 1] - share[..., 2]) * sqrt(3) / 2
+        fraction = powers / powers.sum(axis=-1, keepdims=True)
+    x = fraction[..., 0] - (fraction[..., 1] + fraction[..., 2]) / 2
+    y = (fraction[..., 1] - fraction[..., 2]) * sqrt(3) / 2
     return np.stack([x, y], axis=-1)
 
 
@@ -51,8 +51,8 @@ def slope_of_error(sensor: Sensor) -> Floats:
     for axis in range(2):
         ends = np.zeros((2, 8))
         ends[:, 6 + axis] = step, -step
-        ahead, behind = tracking_error(readings(sensor, ends)[:, 2::3])
-        columns.append((ahead - behind) / (2 * step))
+        plus, minus = tracking_error(readings(sensor, ends)[:, 2::3])
+        columns.append((plus - minus) / (2 * step))
     return np.stack(columns, axis=-1)
 
 
@@ -80,30 +80,32 @@ class Law:
         inverse = np.asarray(np.linalg.inv(slope_of_error(sensor)))
         return cls(settings, inverse, beam.power, max(beam.diameter_x, beam.diameter_y))
 
-    def command(self, seen: ControlInput) -> Floats:
+    def command(self, measured: ControlInput) -> Floats:
         """The next place of the beam (2,), mm."""
         s = self.settings
-        if seen.apex is not None:
-            self.observe(seen.time, seen.apex)
+        if measured.apex is not None:
+            self.observe(measured.time, measured.apex)
         if s.law == "feedforward":
-            assert seen.apex is not None
-            target = self.ahead(seen.now)
+            assert measured.apex is not None
+            target = self.predict_apex(measured.now)
         else:
-            off = self.inverse @ tracking_error(seen.powers)
+            off = self.inverse @ tracking_error(measured.powers)
             integral = s.integral if s.law == "pi" else 0.0
-            goal = seen.beam if self.goal is None else self.goal
+            goal = measured.beam if self.goal is None else self.goal
             target = goal - s.gain * off - integral * (self.summed + off)
-            self.goal = self.hold(target, seen.beam)
+            self.goal = self.limit(target, measured.beam)
             if np.allclose(self.goal, target, rtol=0, atol=1e-9):  # else the sum would only grow
                 self.summed = self.summed + off
             return self.goal
-        return self.hold(target, seen.beam)
+        return self.limit(target, measured.beam)
 
     def locate_apex(self, powers: Floats, beam: Floats, lit: float) -> Floats | None:
-        """The apex by Eq. (14) (2,), mm, however far it is: the direction is also right if a facet
-        is dark, and the distance is never too large. beam: the beam's place then. The infinite
-        power of a saturated detector is replaced by the rest of the beam's power. None if the light
-        is less than a share `lit` of the beam's."""
+        """Return the place of the apex by Eq. (14) (2,), mm.
+
+        The direction is right even if a facet is dark, and the distance is never too large. The
+        infinite power of a saturated detector is replaced by the rest of the beam's power. Returns
+        None if the light is less than the fraction `lit` of the beam's power.  beam: its place, mm.
+        """
         full = np.isposinf(powers)
         light = np.maximum(np.where(full, 0.0, powers), 0.0)
         if full.any():
@@ -117,13 +119,13 @@ class Law:
         """Update the mirror's speed from its place at a time, s."""
         if self.last is not None and time > self.last[0]:
             passed = time - self.last[0]
-            share = min(1.0, passed / SPEED_AVERAGING_S)
-            self.speed += share * ((apex - self.last[1]) / passed - self.speed)
+            weight = min(1.0, passed / SPEED_AVERAGING_S)
+            self.speed += weight * ((apex - self.last[1]) / passed - self.speed)
             most = self.settings.max_speed  # a higher speed means a doubtful sample or a loss
             self.speed = np.clip(self.speed, -most, most)
         self.last = time, apex.copy()
 
-    def ahead(self, now: float) -> Floats:
+    def predict_apex(self, now: float) -> Floats:
         """The predicted place of the apex when the stage has executed a command of a time, s."""
         assert self.last is not None
         time, apex = self.last
@@ -132,7 +134,7 @@ class Law:
         place: Floats = apex + horizon * self.speed
         return place
 
-    def hold(self, target: Floats, beam: Floats) -> Floats:
+    def limit(self, target: Floats, beam: Floats) -> Floats:
         """Limit a command by step, speed and soft limits."""
         return Limits.from_settings(self.settings).hold(target, beam)
 
@@ -172,10 +174,10 @@ class Margin:
         )
 
 
-def pull_of(sensor: Sensor, clearance: float) -> float:
+def capture_range(sensor: Sensor, clearance: float) -> float:
     """The largest offset by Eq. (14), mm, for true offsets within `clearance` in x.
 
-    Eq. (14) saturates with a growing offset, since no share of the power exceeds one.
+    Eq. (14) saturates with a growing offset, since no fraction of the power exceeds one.
     """
     states = np.zeros((200, 8))
     states[:, 6] = np.linspace(-clearance, clearance, 200)
@@ -187,7 +189,7 @@ def pull_of(sensor: Sensor, clearance: float) -> float:
 
 
 def margin_of(settings: Settings, pull: float) -> Margin:
-    """The stability of a loop.  pull: the offset of `pull_of`, mm.
+    """The stability of a loop.  pull: the offset of `capture_range`, mm.
 
     The loop is an integrator with a delay of d commands: error(n+1) = error(n) - g error(n-d). It
     is stable for g < 2 sin(pi / (4 d + 2)). Proportional control lags behind a mirror at speed v by

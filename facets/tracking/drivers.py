@@ -28,7 +28,7 @@ DRIVERS: dict[str, type[Zaber | Pi]] = {"zaber": Zaber, "pi": Pi}
 #: Drivers of this package that need an extra.
 SHIPPED = (EntryPoint("kinesis", "facets.tracking.kinesis:open_kinesis", GROUP),)
 PARTS = ("prepare", "place", "move", "stop", "emergency_stop", "close")
-#: A driver that can hold `stage.native_limits` has this one, too: it writes the limits that the
+#: Further method of a driver that supports `stage.native_limits`: it writes the limits that the
 #: controller had before.
 RESTORE_LIMITS = "restore_limits"
 
@@ -61,7 +61,7 @@ class Driver(Protocol):
         ...
 
     def emergency_stop(self) -> None:
-        """Tell both axes to stop, from any thread, without waiting for an answer."""
+        """Command both axes to stop, from any thread, without waiting for an answer."""
         ...
 
     def close(self) -> None:
@@ -89,10 +89,10 @@ def driver_of(name: str) -> EntryPoint:
     for driver in drivers:
         if driver.name == scheme:
             return driver
-    known = sorted({driver.name for driver in (*entry_points(group=GROUP), *SHIPPED)})
+    schemes = sorted({driver.name for driver in (*entry_points(group=GROUP), *SHIPPED)})
     raise StageError(
         f"{name}: there is no driver for a stage of that name; with stage.driver: other its port "
-        f"begins with one of {', '.join(f'{driver}:' for driver in known)}"
+        f"begins with one of {', '.join(f'{driver}:' for driver in schemes)}"
     )
 
 

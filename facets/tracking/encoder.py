@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.units import Floats
 
-#: A position is extrapolated for at most this time, s; later the stage is assumed to stand.
+#: A position is extrapolated for at most this time, s; later the stage is assumed to be at rest.
 MAX_EXTRAPOLATION_S = 0.1
 
 

@@ -1,11 +1,12 @@
-"""The safety envelope, through which every command to a stage goes.
+"""The safety envelope, the only path of commands to a stage.
 
-Each command is a short move to a place: at most `Limits.reach` from the stage's place, within the
-soft limits, made from a fresh sample and a fresh place, on a stage whose own speed and acceleration
-are bounded. Without commands a stage stands still by itself, at most `stopping_time` after the last
-good sample, even with the cable pulled or the process dead. Any doubt stops it sooner. A short gap
-between samples may be bridged by predicted places: for at most `stage.bridge_ms` after the last
-good sample, and at most `stage.bridge_mm` from the mirror's place then; either limit is a stop.
+Each command is a short move to a place at most `Limits.reach` from the stage's place, within the
+soft limits. It is made from a fresh sample and a fresh place, on a stage whose own speed and
+acceleration are bounded. Without commands a stage comes to rest by itself, at most `stopping_time`
+after the last good sample, even with the cable pulled or the process dead. Any doubt stops it
+sooner. A short gap between samples may be bridged by predicted places, but only for
+`stage.bridge_ms` after the last good sample, and only within `stage.bridge_mm` of the mirror's
+place then. Beyond either limit it stops.
 
 Every stop latches: nothing is sent until somebody resumes, even if all becomes good again. The
 external permit and the heartbeat, if configured, are needed for every command, and a stage that
@@ -52,7 +53,7 @@ MAX_AHEAD_S = 2e-3
 STOP_ATTEMPTS = 3
 #: Each attempt to stop waits up to this time for the stage's answer, s.
 STOP_WAIT_S = 0.5
-#: Time for which the stage stands before `stage.resume: auto` ends a stop, s.
+#: Time for which a stage is stopped before `stage.resume: auto` ends the stop, s.
 AUTO_RESUME_AFTER_S = 1.0
 HOUR_S = 3600.0
 STALLED = "the loop has stalled"
@@ -269,8 +270,10 @@ class Envelope:
         self.beat = self.clock()
 
     def _begin_stop(self, reason: str, is_for_auto: bool) -> None:
-        """Latch, tell the stage to stop, and only then report the first reason of a stop; a later
-        reason may require a person to resume."""
+        """Latch, command the stage to stop, and only then report the first reason of a stop.
+
+        A later reason may require a person to resume.
+        """
         is_first = not self.latched
         self.is_for_auto = is_for_auto and (self.is_for_auto or is_first)
         if is_first:

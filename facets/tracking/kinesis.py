@@ -22,7 +22,7 @@ from .native_limits import NativeLimits
 from .stage import StageError
 
 #: Longest time for which `emergency_stop` waits for the end of another thread's question, s.
-CRY_WAIT_S = 0.5
+EMERGENCY_STOP_WAIT_S = 0.5
 
 
 def open_kinesis(name: str, settings: Settings) -> Kinesis:
@@ -104,7 +104,7 @@ class Kinesis(NativeLimits):
                 motor.move_to(float(goal), channel=channel)
 
     def stop(self, patience: float = PATIENCE_S) -> None:
-        """Stop both axes, and wait until they stand."""
+        """Stop both axes, and wait until they are at rest."""
         with self.turn:
             for motor, channel in self.axes:
                 motor.stop(immediate=True, sync=False, channel=channel)
@@ -113,7 +113,7 @@ class Kinesis(NativeLimits):
 
     def emergency_stop(self) -> None:
         """Stop without waiting for an answer, even during another thread's long question."""
-        held = self.turn.acquire(timeout=CRY_WAIT_S)
+        held = self.turn.acquire(timeout=EMERGENCY_STOP_WAIT_S)
         try:
             for motor, channel in self.axes:
                 with suppress(Exception):  # the other axis must get the command, too

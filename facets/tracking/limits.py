@@ -36,6 +36,6 @@ class Limits:
         """The allowed place nearest to `target` (2,) on the way from `place`."""
         step = target - place
         length = float(np.hypot(*step))
-        kept = place + step * min(1.0, self.reach / length) if length > 0 else target
-        held: Floats = np.clip(kept, self.low, self.high)
+        near = place + step * min(1.0, self.reach / length) if length > 0 else target
+        held: Floats = np.clip(near, self.low, self.high)
         return held

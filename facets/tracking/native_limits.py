@@ -11,11 +11,11 @@ from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .stage import StageError
 
-#: Largest excess of a limit that is read back, as a share: controllers round to whole units.
-MAX_EXCESS_SHARE = 0.01
-#: A stage that moves by no more than these steps between two readings of its place stands.
-STANDING_STEPS = 2
-#: A stage that does not stand after these readings keeps the lower limits.
+#: Largest relative excess of a limit that is read back: controllers round to whole units.
+MAX_RELATIVE_EXCESS = 0.01
+#: A stage that moves by no more than these steps between two readings of its place is at rest.
+REST_STEPS = 2
+#: A stage that is not at rest after this many readings keeps the lower limits.
 MAX_READINGS = 1000
 
 
@@ -47,26 +47,26 @@ class NativeLimits:
         most = np.empty_like(before)
         native = self.settings.native_limits or (np.inf, np.inf)
         most[0], most[1:] = np.minimum(speed, native[0]), np.minimum(acceleration, native[1])
-        if np.abs(before / most - 1).max() <= MAX_EXCESS_SHARE:
+        if np.abs(before / most - 1).max() <= MAX_RELATIVE_EXCESS:
             return
         if self.original is None:
             self.original = before
         self.write_limits(most)
-        kept = self.read_limits()
-        if ((kept <= 0) | (kept > most * (1 + MAX_EXCESS_SHARE))).any():
+        limits = self.read_limits()
+        if ((limits <= 0) | (limits > most * (1 + MAX_RELATIVE_EXCESS))).any():
             raise StageError(
-                f"the stage keeps the limits {kept.tolist()} of its axes' speed and acceleration, "
-                f"in its own units, where it was told {most.tolist()}"
+                f"the stage keeps the limits {limits.tolist()} of its axes' speed and "
+                f"acceleration, in its own units, where it was told {most.tolist()}"
             )
 
     def restore_limits(self) -> None:
-        """Write the limits that the controller had before, once the stage stands."""
+        """Write the limits that the controller had before, once the stage is at rest."""
         if self.original is None:
             return
         before = self.place()
         for _ in range(MAX_READINGS):
             place = self.place()
-            if np.abs(place - before).max() <= STANDING_STEPS * self.settings.step:
+            if np.abs(place - before).max() <= REST_STEPS * self.settings.step:
                 self.write_limits(self.original)
                 break
             before = place

@@ -1,9 +1,9 @@
 """The search for a lost mirror: towards the light while there is any, otherwise in a spiral.
 
-Light shows the direction of the mirror over several millimetres, so the stage goes there within the
-limits of following. In the dark it goes back to the last good place, or to where the light went
-out, and from there in a spiral that is slower and has shorter steps. Settings bound its time, its
-distance from the last good place, and how often the light may lead back.
+Light shows the direction of the mirror over several millimetres, so the stage moves there within
+the limits of following. In the dark it returns to the last good place, or to the place where the
+light was lost, and moves from there in a spiral, at lower speed and in shorter steps. Settings
+bound the time, the distance from the last good place, and how often the light may lead back.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Search:
 
     @property
     def scope(self) -> str:
-        """How far and for how long a search goes, in words."""
+        """The largest distance and duration of a search, in words."""
         return f"within {self.most:g} mm, in {self.settings.search_time:g} s"
 
     def next(
@@ -77,7 +77,7 @@ class Search:
 
     def place_by_light(self, place: Floats, towards: Floats) -> Floats:
         """The place of the mirror by the light."""
-        self.limits, self.centre = self.full, None  # the spiral begins where the light goes out
+        self.limits, self.centre = self.full, None  # the spiral begins where the light is lost
         way, self.angle = towards - place, 0.0
         self.reversals += self.way is not None and bool(way @ self.way < 0)
         self.way = way

@@ -42,7 +42,7 @@ class StageModel:
 
     @property
     def is_settled(self) -> bool:
-        """Whether the stage stands at its last goal, to 0.1 um."""
+        """Whether the stage is at rest at its last goal, to 0.1 um."""
         there = bool(np.abs(self.target - self.place).max() < 1e-4)
         return not self.waiting and not self.braking and there
 
@@ -72,8 +72,8 @@ class StageModel:
             # At a higher speed the axis could not brake after this step and would pass its target.
             most = self.acceleration * (sqrt(step**2 + 2 * abs(off) / self.acceleration) - step)
             most = min(self.max_speed, most)
-            wanted = 0.0 if self.braking else off / max(self.settings.lag, step)
-            change = min(max(wanted, -most), most) - speed
+            target_speed = 0.0 if self.braking else off / max(self.settings.lag, step)
+            change = min(max(target_speed, -most), most) - speed
             most = self.acceleration * step
             speed += min(max(change, -most), most)
             self.speed[axis] = speed

@@ -19,8 +19,8 @@ from .search import Search
 
 #: Time between two checks whether the loop is stalled, s.
 WATCH_INTERVAL_S = 0.02
-#: Smallest and largest power of light that comes from the beam, as shares of the beam's power.
-LEAST_LIGHT_SHARE, MOST_LIGHT_SHARE = 0.02, 3.0
+#: Smallest and largest power of light that comes from the beam, as fractions of the beam's power.
+MIN_LIGHT_FRACTION, MAX_LIGHT_FRACTION = 0.02, 3.0
 
 
 class Sample(NamedTuple):
@@ -75,8 +75,8 @@ class Tracker:
     good sample ends the gap, the stage stops and stays stopped until `resume` is called; then it
     follows, or searches for the mirror. It begins stopped if the first fresh sample is not good.
 
-    A context: the threads run within it, and at its end the stage stands and its port is closed.
-    Faults within it raise nothing: they stop the stage, and `error` describes them.
+    A context: the threads run within it, and at its end the stage is stopped and its port is
+    closed. Faults within it raise nothing: they stop the stage, and `error` describes them.
 
     bridging: whether the followed motion is a prediction.  bridges: number of bridged gaps.  moves:
     number of commands.  begun: time of the first, s.
@@ -194,9 +194,9 @@ class Tracker:
         elif not (np.isfinite(powers).all() and (powers > 0).all()):
             doubt = "not every detector has light"
         elif (
-            not LEAST_LIGHT_SHARE * self.law.power
+            not MIN_LIGHT_FRACTION * self.law.power
             <= powers.max()
-            <= MOST_LIGHT_SHARE * self.law.power
+            <= MAX_LIGHT_FRACTION * self.law.power
         ):
             doubt = "light that does not come from the beam"
         elif needs_pose and not np.isfinite(apex).all():
@@ -263,8 +263,8 @@ class Tracker:
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
         """Send the stage after a good sample."""
-        seen = ControlInput(good.time, now, good.powers, good.apex, place)
-        self.go(self.law.command(seen), good.time)
+        measured = ControlInput(good.time, now, good.powers, good.apex, place)
+        self.go(self.law.command(measured), good.time)
 
     def stop(self, reason: str) -> None:
         """Stop the stage for lack of good samples."""
@@ -285,8 +285,8 @@ class Tracker:
 
     def can_search(self, newest: Sample, now: float) -> bool:
         """Whether a search may continue, for which the light must be known."""
-        known = self.is_fresh(newest, now) and not np.isnan(newest.powers).any()
-        return known and self.search is not None and not self.distrust
+        is_known = self.is_fresh(newest, now) and not np.isnan(newest.powers).any()
+        return is_known and self.search is not None and not self.distrust
 
     def search_offer(self, doubt: str, newest: Sample, now: float) -> str:
         """The search that a resume would begin, in words; '' if it would begin none."""
@@ -330,14 +330,14 @@ class Tracker:
             return False
         self.bridges += not self.bridging
         self.bridging = True
-        sent = self.envelope.bridge(self.law.ahead(now), time, apex)
+        sent = self.envelope.bridge(self.law.predict_apex(now), time, apex)
         if sent is not None:
             self.count(sent, predicted=True)
         return True
 
     def doubt(self, good: Sample, newest: Sample, place: Floats, now: float) -> str:
         """The reason why the stage may not move; empty if there is none."""
-        if self.distrust:  # it spoils the motion that would bridge a gap, too
+        if self.distrust:  # it makes the predicted motion unreliable, too
             return self.distrust
         stale = self.settings.stale
         if now - good.time <= stale and now - good.came <= stale:
@@ -365,7 +365,7 @@ class Tracker:
         """Search for the mirror."""
         assert self.search is not None
         beam = self.encoder.places(np.array([newest.time]))[0]
-        towards = self.law.locate_apex(newest.powers, beam, LEAST_LIGHT_SHARE)
+        towards = self.law.locate_apex(newest.powers, beam, MIN_LIGHT_FRACTION)
         goal = self.search.next(self.clock(), place, towards, self.home)
         if goal is None:
             self.stop(self.search.outcome)

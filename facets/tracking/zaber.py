@@ -53,9 +53,9 @@ class Zaber(NativeLimits):
             reply = self.line.read_line(patience)
             if reply[:1] in ("!", "#"):
                 continue
-            body, _, told = reply.partition(":")
+            body, _, sent_checksum = reply.partition(":")
             words = body.split()
-            sound = not told or told == checksum(body[1:])
+            sound = not sent_checksum or sent_checksum == checksum(body[1:])
             if not (sound and reply[:1] == "@" and len(words) >= 7 and words[2].isdigit()):
                 raise StageError(f"the stage's answer cannot be understood: {reply!r}")
             if words[2] == number:
@@ -93,11 +93,11 @@ class Zaber(NativeLimits):
         self.emergency_stop()
         self.line.drain()
         self.stop()
-        s, kept = self.settings, self.read_limits()
-        kept[kept == 0] = np.inf  # an acceleration of 0 sets no limit
+        s, original = self.settings, self.read_limits()
+        original[original == 0] = np.inf  # an acceleration of 0 sets no limit
         speed = round(s.max_speed / s.step / SPEED_UNIT_STEPS_PER_S)
         acceleration = round(s.acceleration / s.step / ACCELERATION_UNIT_STEPS_PER_S2)
-        self.hold_back(*np.minimum(kept, [[max(1, speed)], [max(1, acceleration)]]))
+        self.hold_back(*np.minimum(original, [[max(1, speed)], [max(1, acceleration)]]))
 
     def read_limits(self) -> Floats:
         """The largest speed and acceleration of each axis (2, 2), native."""

@@ -14,8 +14,8 @@ from facets.tracking import (
     ControlInput,
     Law,
     StageModel,
+    capture_range,
     margin_of,
-    pull_of,
     slope_of_error,
     tracking_error,
 )
@@ -55,7 +55,7 @@ def test_eq_14_is_zero_where_the_beam_meets_the_apex_and_has_the_slope_of_the_po
     slope = slope_of_error(PAPER)
     assert slope == pytest.approx(slope[0, 0] * np.eye(2), abs=1e-6)
     # it saturates where one facet has no light: at half of its largest value
-    assert pull_of(PAPER, 1.0) == pytest.approx(0.5 / slope[0, 0], rel=1e-3)
+    assert capture_range(PAPER, 1.0) == pytest.approx(0.5 / slope[0, 0], rel=1e-3)
     off = np.linalg.solve(slope, tracking_error(powers((0, 0), (1e-3, -2e-3))))
     np.testing.assert_allclose(off, [1e-3, -2e-3], rtol=5e-3)
 

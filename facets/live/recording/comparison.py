@@ -110,22 +110,24 @@ class PoseComparison:
 
     def compare_rows(self, old: Columns, new: Columns) -> None:
         """Compare recorded poses with those of the replay of the same samples."""
-        apart = np.zeros(len(old["seq"]), bool)
+        differs_anywhere = np.zeros(len(old["seq"]), bool)
         for name in [name for name in old if name in new]:
             recorded, replayed = old[name], new[name]
             are_nan = (recorded != recorded) & (replayed != replayed)
             differs = (recorded != replayed) & ~are_nan
             if differs.any() and name not in self.columns:
                 self.columns = [each for each in old if each in (*self.columns, name)]
-            apart |= differs
-        if apart.any():
-            self.different += int(apart.sum())
-            self.doubt(old["seq"][apart])
-            off = largest_difference(select_rows(old, apart), select_rows(new, apart))
+            differs_anywhere |= differs
+        if differs_anywhere.any():
+            self.different += int(differs_anywhere.sum())
+            self.doubt(old["seq"][differs_anywhere])
+            off = largest_difference(
+                select_rows(old, differs_anywhere), select_rows(new, differs_anywhere)
+            )
             self.worst = max(self.worst, off)
 
     def doubt(self, numbers: NDArray[np.int64]) -> None:
-        """Take note of samples that are different or absent."""
+        """Note the first of samples that are different or absent."""
         if len(numbers):
             self.since = int(min(numbers.min(), inf if self.since is None else self.since))
 

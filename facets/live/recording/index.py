@@ -35,9 +35,9 @@ SUM = b', "crc": '
 class Damage:
     """The parts of a recording that are not as they were written.
 
-    rows: number of spoilt rows of the index.  absent: number of rows that were there when the
-    recording was closed, and are no longer.  missing: number of bytes that the index or the seal
-    knows and the file lacks.  unproven: number of bytes without a row that proves them, such as
+    rows: number of corrupted rows of the index.  absent: number of rows that the index had when the
+    recording was closed, and lacks now.  missing: number of bytes that the index or the seal
+    counts and the file lacks.  unproven: number of bytes without a row that proves them, such as
     those that came last before the end.  events: whether lines of events.jsonl are not as they were
     written.  since: the first sample that this damage can have changed, if it is known.
     """
@@ -94,8 +94,8 @@ def are_events_whole(events: bytes | None) -> bool:
 def block_crc(data: bytes) -> int:
     """CRC-32 of a block's bytes from the last to the first.
 
-    From the first to the last it would be the same number for all blocks of a length: a frame ends
-    with its own CRC-32, and the CRC-32 of bytes with their CRC-32 behind them is a constant.
+    Computed from the first to the last, it would be the same for all blocks of a length. Each frame
+    ends with its own CRC-32, and the CRC-32 of bytes followed by their CRC-32 is a constant.
     """
     return zlib.crc32(data[::-1])
 
@@ -106,10 +106,10 @@ def proves(row: np.void, data: bytes) -> bool:
 
 
 def read_rows(raw: bytes) -> tuple[NDArray[np.void], int]:
-    """The sound rows of an index, and how many are spoilt; the last may be torn."""
-    whole = len(raw) // SIZE
-    rows = np.frombuffer(raw[: whole * SIZE], INDEX)
-    sound = np.array([is_sound(raw[n * SIZE : (n + 1) * SIZE]) for n in range(whole)], bool)
+    """Return the sound rows of an index, and the number of corrupted ones; the last may be torn."""
+    count = len(raw) // SIZE
+    rows = np.frombuffer(raw[: count * SIZE], INDEX)
+    sound = np.array([is_sound(raw[n * SIZE : (n + 1) * SIZE]) for n in range(count)], bool)
     return rows[sound], int((~sound).sum()) + (len(raw) % SIZE > 0)
 
 

@@ -20,7 +20,7 @@ Columns = dict[str, NDArray[Any]]
 END = b"\xff\xff\xff\xff\0\0\0\0"
 #: The column that proves a batch: the CRC-32 of all others, the same in each of its rows.
 CRC = "crc"
-#: Columns of poses that a recording leaves out; its replay has them.
+#: Columns of poses that a recording does not store, because its replay computes them.
 REPLAYED = ("used", "power_mw", "misfit")
 
 
@@ -55,10 +55,10 @@ def crc_of(columns: Columns) -> int:
 
 
 def recorded_parts(folder: Path) -> Iterator[Columns]:
-    """Yield the poses that a recording holds and that can be proven, as they were written.
+    """Yield the recorded poses whose checksum is right, in the order in which they were written.
 
-    A batch that is not as it was written is left out; past a torn end nothing can be read. Status
-    is the number of a `facets.Status`.
+    A corrupted batch is excluded; nothing can be read after a torn end. The status is the number of
+    a `facets.Status`.
     """
     import nanoarrow as na
     from nanoarrow.ipc import InputStream

@@ -173,8 +173,8 @@ def size_of(folder: Path) -> int:
 def utc_offset(folder: Path) -> float | None:
     """The wall clock's time less the host's monotonic time at the recording's beginning, s."""
     rows, _ = read_rows(read_index(folder, salvage=True))
-    known = rows[np.isfinite(rows["monotonic"])]
-    return float(known["utc"][0] - known["monotonic"][0]) if len(known) else None
+    timed = rows[np.isfinite(rows["monotonic"])]
+    return float(timed["utc"][0] - timed["monotonic"][0]) if len(timed) else None
 
 
 def meta_of(folder: Path, sealed: bool = True) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A recording through the same parser and solver again, or saved from where it was cut off."""
+"""Solve the bytes of a recording again, with its own configuration or another one."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def replay(
     and their total.  salvage: see `blocks`.
     """
     damage = damage if damage is not None else Damage()
-    done, size, whole, doubtful = 0, 0, size_of(folder), False
+    done, size, total, doubtful = 0, 0, size_of(folder), False
     held: list[Block] = []
 
     def solve_together() -> Iterator[RunPoses]:
@@ -95,7 +95,7 @@ def replay(
         held.clear()
 
     for block in blocks(folder, damage, salvage):
-        on_progress(done, whole)
+        on_progress(done, total)
         done += len(block.data)
         if block.doubtful and not doubtful:
             yield from solve_together()

@@ -1,8 +1,8 @@
-"""Many blocks followed and solved at once, as a replay can, to the same bits as one by one.
+"""Follow and solve many blocks of a replay at once, with the same results to the last bit.
 
-What one block costs beside its samples is many times the cost of the samples. The samples of blocks
-are followed together where each is the next one of the sample before; their batches are solved
-together where each is then counted as alone. Else both halves are tried.
+The fixed cost of a block is many times the cost of its samples. Blocks are followed together if all
+their samples are consecutive, and their batches are solved together if each batch then counts as it
+would alone. Otherwise each half is tried by itself.
 """
 
 from __future__ import annotations
@@ -41,30 +41,33 @@ def are_consecutive(pipeline: Pipeline, samples: RawSamples) -> bool:
 
 
 def solve_batches(pipeline: Pipeline, batches: Sequence[Batch]) -> Iterator[RunPoses]:
-    """Yield the poses of batches as `Pipeline.solve` gives them, those of many batches at once: of
-    those with as good a place of the beam, up to the next look at the doubts."""
-    first, seen = 0, pipeline.doubts.samples
+    """Yield the poses of batches as `Pipeline.solve` returns them, those of many batches at once.
+
+    Batches are solved together while the uncertainty of the beam's position is the same, and up to
+    the next update of the doubts.
+    """
+    first, count = 0, pipeline.doubts.samples
     for n, batch in enumerate(batches):
         is_other = batch.place_sigma != batches[first].place_sigma
-        if n > first and (seen >= LOOKED_AT or is_other):
+        if n > first and (count >= LOOKED_AT or is_other):
             yield from solve_together(pipeline, batches[first:n])
-            first, seen = n, pipeline.doubts.samples
-        seen += len(batch)
+            first, count = n, pipeline.doubts.samples
+        count += len(batch)
     if batches:
         yield from solve_together(pipeline, batches[first:])
 
 
 def solve_together(pipeline: Pipeline, batches: Sequence[Batch]) -> Iterator[RunPoses]:
-    """Yield the poses of batches, together where each is then counted as alone."""
+    """Yield the poses of batches, solved together if each then counts as it would alone."""
     if len(batches) == 1 or pipeline.board.came:
         yield from map(pipeline.solve, batches)
         return
-    whole = join(batches)
+    joined = join(batches)
     ends = np.cumsum(list(map(len, batches)))
-    samples = replace(samples_of(pipeline.config, whole), ends=ends)
+    samples = replace(samples_of(pipeline.config, joined), ends=ends)
     poses = pipeline.measurement.poses_of_pieces(samples)
     if poses is not None:
-        yield pipeline.screen_poses(whole, samples, poses)
+        yield pipeline.screen_poses(joined, samples, poses)
         return
     for part in halves(batches):
         yield from solve_together(pipeline, part)

@@ -1,12 +1,16 @@
-"""A recording: a folder in which nothing that came is lost, whenever the program or the power ends.
+"""A recording: a folder that keeps all received data, even if the program or the power fails.
 
-meta.yaml       written first: how the recording was made, the whole configuration, when it began
-bytes.bin       the received bytes
-index.bin       a row (`index.INDEX`) for each block of bytes: its place and time, the stage's place
-                then, and the sums that prove row and bytes
-poses.arrows    the poses as an Arrow stream, batch by batch; where the loop fell behind, the newest
-                first
-events.jsonl    a line for each event; the last line states the sizes of the other files
+`meta.yaml` is written first. It states how the recording was made, and the whole configuration.
+
+`bytes.bin` holds the received bytes.
+
+`index.bin` has a row (`index.INDEX`) for each block of bytes: its offset and time, the stage's
+position then, and the checksums of row and bytes.
+
+`poses.arrows` holds the poses as an Arrow stream, in batches. While the loop is behind, the newest
+poses come first.
+
+`events.jsonl` has a line for each event. The last line states the sizes of the other files.
 """
 
 from __future__ import annotations
@@ -35,7 +39,7 @@ from .index import CLOSED, add_sum, make_row, name_of_copy
 #: The files in the order in which they are synced: no row reaches the disk long before its bytes.
 NAMES = ("bytes.bin", "index.bin", "poses.arrows", "events.jsonl")
 POSES = "poses.arrows"
-#: Errors of a disk or a user's share of it that is full, where other files make room.
+#: Errors of a full disk or quota, on which the poses make room for the bytes.
 FULL = (errno.ENOSPC, errno.EDQUOT)
 #: Poses are written this often, s: each batch is a short pause of the loop, with a head of 1.6 kB.
 FLUSH_INTERVAL_S = 0.1
@@ -48,15 +52,15 @@ class DiskError(FacetsError):
 
 
 class Recording(ClosedAtExit, Sink):
-    """Writes a recording, and says what it could not write.
+    """Writes a recording, and reports what it could not write.
 
-    Bytes go to the system at once, so that the end of the program takes none of them; a separate
-    thread has the system put them on the disk every `sync` seconds, so that a power failure takes
-    no more than the bytes of that time. If the disk refuses, `troubles` says why, by the file, and
-    `lost` counts the bytes that came and are not recorded; the written bytes stay readable, and
-    writing continues as soon as it can. A file that is refused costs no other file anything. On a
-    full disk, however, the poses make room for what came, because a replay computes them again:
-    their file is emptied and no longer written. After the beginning no method raises.
+    Bytes are handed to the system at once, so that a killed program loses none of them. A separate
+    thread syncs the files every `sync` seconds, so that a power failure loses at most the bytes of
+    that time. If the disk refuses a file, `troubles` has the reason, and `lost` counts the received
+    bytes that are not recorded. The written bytes stay readable, the other files are written on,
+    and writing continues as soon as the disk accepts it. On a full disk the poses make room for the
+    bytes, because a replay computes them again: their file is emptied and no longer written. No
+    method raises after the beginning.
     """
 
     def __init__(
@@ -183,7 +187,7 @@ class Recording(ClosedAtExit, Sink):
             self.add_event("recording again", lost_bytes=self.lost)
 
     def add_event(self, name: str, **details: Any) -> None:
-        """Write a line about an event of this moment, with the sum of all lines until there."""
+        """Write a line about an event that happens now, with the checksum of all lines up to it."""
         row = {"monotonic": time.monotonic(), "utc": time.time(), "event": name, **details}
         with self.summing:
             line = add_sum(json.dumps(row, default=str).encode(), self.events_crc)
@@ -191,7 +195,7 @@ class Recording(ClosedAtExit, Sink):
                 self.events_crc = zlib.crc32(line, self.events_crc)
 
     def add_poses(self, poses: RunPoses) -> None:
-        """Take poses, which are written a little later, many at once."""
+        """Keep poses, which are written a little later, many at once."""
         self.waiting.append(poses)
         if time.monotonic() - self.written > FLUSH_INTERVAL_S:
             self.flush()
@@ -223,7 +227,7 @@ class Recording(ClosedAtExit, Sink):
                 self.complain(name, f"cannot be synced: {error.strerror}")
 
     def close(self) -> None:
-        """Write the waiting poses, sync, and close every file, whatever of this fails."""
+        """Write the waiting poses, sync, and close every file, even if one of these steps fails."""
         if self.closed:
             return
         self.closed = True
@@ -246,7 +250,7 @@ class Recording(ClosedAtExit, Sink):
             self.put("poses.arrows", pose_table.END)
 
     def seal(self) -> None:
-        """Write the last event: the sizes of all files, which show what is cut off later.
+        """Write the last event: the sizes of all files, which show if one is cut off later.
 
         It is written again if the poses make room for it.
         """

@@ -1,4 +1,4 @@
-"""For what share of the time a beam that is to follow the mirror was lost."""
+"""The fraction of the time for which a beam that should follow the mirror was lost."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ...core.units import Floats
 
 @dataclass
 class BeamLoss:
-    """Counts samples without a pose since the stage first moved: there the beam was lost.
+    """Counts samples without a pose since the stage first moved, in which the beam was lost.
 
-    solved: samples that were looked at.  lost: those without a pose.  begin, end: the times of the
-    first and the last of them, s.
+    solved: number of samples.  lost: number of samples without a pose.  begin, end: times of the
+    first and the last sample, s.
     """
 
     solved: int = 0
@@ -24,7 +24,7 @@ class BeamLoss:
     end: float = -np.inf
 
     def add(self, times: Floats, has_pose: NDArray[np.bool_], begun: float) -> None:
-        """Samples at times (n,), s, with or without a pose; begun: when the stage first moved."""
+        """Add samples at times (n,), s.  begun: time of the stage's first move, s."""
         since = times >= begun
         if since.any():
             self.solved += int(np.count_nonzero(since))
@@ -34,7 +34,7 @@ class BeamLoss:
 
     @property
     def share(self) -> float:
-        """Share of the time for which the beam was lost; NaN if the stage never moved."""
+        """Fraction of the time for which the beam was lost; NaN if the stage never moved."""
         return self.lost / self.solved if self.solved else float("nan")
 
     @property

@@ -1,8 +1,9 @@
-"""Poses that the board has solved itself, beside those that are solved here.
+"""Poses that the board has solved itself, compared with those that the host solves.
 
 A board with the exported solver (`facets export-c`) sends, after the counts of a sample, a frame of
-the kind POSE with the same number. Both are the same estimate where both know the same of the beam,
-so that what differs by more than rounding tells of another sensor or of a fault on the board.
+the kind POSE with the same number. Both are the same estimate if both have the same prior
+knowledge of the beam, so that a difference beyond rounding indicates another sensor or a fault on
+the board.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from ...estimation.solution import Solution, Status
 from ..sources.clock import Sequence
 from ..sources.frames import RawSamples
 
-#: What a frame of the kind POSE holds in the place of the counts.
+#: Content of a frame of the kind POSE in place of the counts.
 SOLVED = np.dtype(
     [
         ("state", "<f4", 8),
@@ -31,9 +32,9 @@ SOLVED = np.dtype(
         ("spare_2", "<u2"),
     ]
 )
-#: So many samples wait at most for the other of the two solutions.
+#: Maximum number of samples that wait for the other one of the two solutions.
 WAITING = 20_000
-#: Poses apart by more of the standard uncertainty than this are not of the same sensor.
+#: Poses that differ by more than this fraction of the standard uncertainty count as different.
 ALIKE = 0.1
 
 
@@ -43,11 +44,12 @@ def board_solution(samples: RawSamples) -> NDArray[np.void]:
 
 
 class BoardPoses:
-    """Counts the board's poses and compares each with the one that is solved here.
+    """Counts the board's poses and compares each with the host's pose of the same sample.
 
-    came: poses of the board.  compared: with those solved here, where both end with a status that
-    the estimator gives.  statuses: how many ended differently.  worst: the largest difference, in
-    standard uncertainties.  apart: those above ALIKE.  slowest: us, that the board took for one.
+    came: number of poses of the board.  compared: number of comparisons, of samples for which both
+    estimators ran.  statuses: number of different statuses.  worst: largest difference, in standard
+    uncertainties.  apart: number of differences above ALIKE.  slowest: longest time in which the
+    board solved a pose, us.
     """
 
     def __init__(self) -> None:
@@ -81,38 +83,41 @@ class BoardPoses:
         self._here = np.zeros(0, np.int64), np.zeros((0, 17))
 
     def compare(self, seq: NDArray[np.int64], solution: Solution) -> None:
-        """Compare the board's poses with poses (n,) that were solved here, by their numbers."""
+        """Compare the board's poses with poses (n,) of the host that have the same numbers."""
         if not self.came:
             return
         rows = np.column_stack([solution.status, solution.state, solution.uncertainty])
         numbers, waiting = self._here
-        here = np.concatenate([numbers, seq % 2**32])[-WAITING:]
-        known = np.concatenate([waiting, rows])[-WAITING:]
+        host_numbers = np.concatenate([numbers, seq % 2**32])[-WAITING:]
+        host_rows = np.concatenate([waiting, rows])[-WAITING:]
         board, solutions = self._board
-        _, mine, theirs = np.intersect1d(here, board, return_indices=True)
-        self.add_differences(known[mine], solutions[theirs])
-        self._here = np.delete(here, mine), np.delete(known, mine, axis=0)
+        _, mine, theirs = np.intersect1d(host_numbers, board, return_indices=True)
+        self.add_differences(host_rows[mine], solutions[theirs])
+        self._here = np.delete(host_numbers, mine), np.delete(host_rows, mine, axis=0)
         self._board = np.delete(board, theirs), np.delete(solutions, theirs)
 
-    def add_differences(self, known: Floats, solutions: NDArray[np.void]) -> None:
+    def add_differences(self, host_rows: Floats, solutions: NDArray[np.void]) -> None:
         """Count the differences of pairs of solutions.
 
-        known: (n, 17) statuses, states and uncertainties solved here.  solutions: (n,) the board's.
+        host_rows: (n, 17) the host's statuses, states and uncertainties.  solutions: (n,) the
+        board's.
         """
-        estimated = known[:, 0] < Status.SKIPPED
-        # whether such poses are given is asked of each by itself
-        estimated &= (known[:, 0] != Status.UNCHECKED) & (solutions["status"] != Status.UNCHECKED)
-        known, solutions = known[estimated], solutions[estimated]
+        estimated = host_rows[:, 0] < Status.SKIPPED
+        # board and host may differ in whether they accept poses without redundancy
+        estimated &= (host_rows[:, 0] != Status.UNCHECKED) & (
+            solutions["status"] != Status.UNCHECKED
+        )
+        host_rows, solutions = host_rows[estimated], solutions[estimated]
         self.compared += len(solutions)
-        self.statuses += int((known[:, 0] != solutions["status"]).sum())
-        both = (known[:, 0] == Status.CONVERGED) & (solutions["status"] == Status.CONVERGED)
+        self.statuses += int((host_rows[:, 0] != solutions["status"]).sum())
+        both = (host_rows[:, 0] == Status.CONVERGED) & (solutions["status"] == Status.CONVERGED)
         if not both.any():
             return
-        off = np.abs(solutions["state"][both] - known[both, 1:9])
-        sigma = known[both, 9:]
-        share = np.divide(off, sigma, out=np.zeros_like(off), where=sigma > 0).max(axis=1)
-        self.worst = max(self.worst, float(share.max()))
-        self.apart += int((share > ALIKE).sum())
+        off = np.abs(solutions["state"][both] - host_rows[both, 1:9])
+        sigma = host_rows[both, 9:]
+        ratio = np.divide(off, sigma, out=np.zeros_like(off), where=sigma > 0).max(axis=1)
+        self.worst = max(self.worst, float(ratio.max()))
+        self.apart += int((ratio > ALIKE).sum())
 
     def sentence(self) -> str:
         """The sentence for the end of a run; empty if the board sent no pose."""

@@ -1,4 +1,4 @@
-"""When poses cannot be believed, or are not there: what a person should see while it lasts."""
+"""Reasons to distrust the newest poses, or why there are none, shown while they last."""
 
 from __future__ import annotations
 
@@ -19,27 +19,32 @@ if TYPE_CHECKING:
     from ...core.settings import Config
     from ...estimation.solution import Solution
 
-#: So many samples are looked at together; what is said is said of them.
+#: Number of samples that are judged together.
 LOOKED_AT = 5_000
-#: A share of them from which on it is said.
+#: A doubt that concerns more than this fraction of these samples is reported.
 NOTICED = 0.01
 
-#: Counts that stay the same, all of them, at less than this chance are those of a frozen converter.
+#: A converter is frozen if the probability that all its counts stay the same is below this.
 FROZEN_CHANCE = 1e-12
-#: A detector or an electrode whose counts stay the same is frozen only while others move by more
-#: counts than this, at least at this share of the configured noise, and if it has at least this
-#: share of the converter's range: the counts of a dark electrode may stay at 0.
-MOVED_COUNTS, LEAST_NOISE, DARK_SHARE = 100, 0.5, 0.01
+#: The constant counts of a detector or an electrode are a fault only while others move by more than
+#: this number of counts.
+MOVED_COUNTS = 100
+#: The noise is then assumed to be at least this fraction of the configured noise.
+MIN_NOISE_FRACTION = 0.5
+#: Counts below this fraction of the converter's range are no fault: a dark electrode may stay at 0.
+DARK_FRACTION = 0.01
 #: Time, s, and number of samples in a row for which the layers of a detector measure different
 #: currents until an electrode counts as faulty.
 UNEQUAL_S, UNEQUAL_SAMPLES = 5e-3, 3
-#: Time over which the share of poses with a residual beyond chance is averaged, s.
+#: Time over which the fraction of poses with a residual beyond chance is averaged, s.
 MISFIT_S = 0.5
 
 
 def frozen_parts() -> list[tuple[str, NDArray[np.intp], NDArray[np.intp]]]:
-    """What may be frozen, in words, with its electrodes and those that then move: all, then each
-    detector, then each electrode."""
+    """Return the parts that may be frozen: all, then each detector, then each electrode.
+
+    Each part has a sentence, its electrodes and the other electrodes, which must then move.
+    """
     every = np.arange(12)
     names = [f"detector {name.upper()}" for name in DETECTORS]
     parts = [(name, every[4 * k : 4 * k + 4]) for k, name in enumerate(names)]
@@ -56,10 +61,10 @@ BEYOND, FULL, COLD = "beyond chance", "saturated", "without a temperature"
 class Trust:
     """Whether a stage may follow the newest samples at all.
 
-    fault: what is wrong with the newest counts, or ''.  misfit: share of poses with a residual
-    beyond chance.  For each electrode, and for the equality of the currents of both layers of each
-    duo-lateral detector: same: number of samples since its count changed, or since they were equal;
-    changed: its time, s; then: (13, 12) its counts.
+    fault: the fault of the newest counts, or ''.  misfit: fraction of poses with a residual beyond
+    chance.  same: (13,) number of samples since the count of each of the 12 electrodes changed, and
+    since both layers of each duo-lateral detector had equal currents.  changed: (13,) the times of
+    these samples, s.  then: (13, 12) their counts.
     """
 
     def __init__(self, config: Config) -> None:
@@ -70,7 +75,7 @@ class Trust:
         self.misfit, self.judged = 0.0, inf
 
     def add_samples(self, samples: RawSamples, flags: NDArray[np.uint8], time: Floats) -> None:
-        """Some samples with their flags and times (n,) on the host's clock, s."""
+        """Add samples with their flags and times (n,) on the host's clock, s."""
         counts = samples.counts
         rows = np.concatenate([self.last, counts])
         changes = rows[1:] != rows[:-1]
@@ -87,48 +92,51 @@ class Trust:
         )
 
     def unequal_layers(self, lasted: float) -> str:
-        """The detector whose layers have measured different currents for this time, s, though they
-        measured the same before; '' if there is none."""
+        """Return the fault of a detector whose layers have measured different currents for this
+        time, s, after equal ones; '' if there is none."""
         if lasted < UNEQUAL_S or self.same[12] < UNEQUAL_SAMPLES:
             return ""
         k = int(np.abs(self.last.reshape(3, 4) @ [1, 1, -1, -1]).argmax())
         return f"the two layers of detector {DETECTORS[k].upper()} measure different currents"
 
     def frozen_counts(self, lasted: NDArray[np.bool_], has_electrodes: bool) -> str:
-        """Say which counts have not changed though noise should change them; '' if none.
+        """Return a sentence on counts that noise should change but that stay the same, or ''.
 
-        lasted: which stay the same for longer than `stage.stale_ms` (12,).  A single electrode of a
-        duo-lateral detector is found by its layers.
+        lasted: (12,) whether a count stays the same for longer than `stage.stale_ms`.  A single
+        electrode of a duo-lateral detector is found by the layers' currents instead.
         """
-        known = (4 if has_two_layers(self.electronics) else len(PARTS)) if has_electrodes else 1
-        for words, part, others in PARTS[: known if lasted.any() else 0]:
+        count = (4 if has_two_layers(self.electronics) else len(PARTS)) if has_electrodes else 1
+        for words, part, others in PARTS[: count if lasted.any() else 0]:
             if lasted[part].all() and not lasted[others].any() and self.is_frozen(part, others):
                 return words
         return ""
 
     def is_frozen(self, part: NDArray[np.intp], others: NDArray[np.intp]) -> bool:
-        """Whether it is no chance that the counts of a part have stayed the same."""
-        counts, share = self.last[0], 1.0
+        """Whether the counts of a part stay the same for a reason other than chance."""
+        counts, noise_fraction = self.last[0], 1.0
         if len(others):
-            share, most = LEAST_NOISE, 2**self.electronics.adc_bits - 1
+            noise_fraction, most = MIN_NOISE_FRACTION, 2**self.electronics.adc_bits - 1
             moved = np.abs(counts - self.then[part[0]])[others].max()
             size = np.abs(counts[part])
-            if moved <= MOVED_COUNTS or not DARK_SHARE * most < size.min() <= size.max() < most:
+            if moved <= MOVED_COUNTS or not DARK_FRACTION * most < size.min() <= size.max() < most:
                 return False
         independent = max(1.0, 0.75 * len(part))
-        chance = independent * self.log_chance(counts[part], share)
+        chance = independent * self.log_chance(counts[part], noise_fraction)
         return bool(self.same[part].min() * chance < log(FROZEN_CHANCE))
 
-    def log_chance(self, counts: NDArray[np.int32], share: float) -> float:
-        """Logarithm of the largest chance that the next sample has the same one of these counts,
-        which lie in the middle of their steps, at this share of the configured noise."""
+    def log_chance(self, counts: NDArray[np.int32], noise_fraction: float) -> float:
+        """Logarithm of the largest probability that the next sample repeats one of these counts, at
+        a fraction of the configured noise.
+
+        The probability is largest for a current in the middle of a converter's step.
+        """
         per_ampere = counts_per_ampere(self.electronics)
         noise = current_variances(self.electronics, counts / per_ampere)[..., :-1].sum(axis=-1)
-        steps = max(share * per_ampere * float(noise.min()) ** 0.5, 1e-9)
+        steps = max(noise_fraction * per_ampere * float(noise.min()) ** 0.5, 1e-9)
         return log(erf(0.5 / 2**0.5 / steps))
 
     def add_poses(self, solution: Solution, time: float) -> None:
-        """The poses of some samples, the last of which was taken at a time, s."""
+        """Add the poses of samples, the last of which has a time, s."""
         judged = solution.converged & (solution.checks > 0)
         if judged.any():
             weight = min(max(time - self.judged, 0.0) / MISFIT_S, 1.0)
@@ -137,15 +145,15 @@ class Trust:
 
     @property
     def doubt(self) -> str:
-        """Why the newest samples cannot be followed; '' if they can."""
+        """The reason not to follow the newest samples, or ''."""
         misfit = "most poses have a residual beyond chance" if self.misfit > 0.5 else ""
         return self.fault or misfit
 
 
 class Doubts:
-    """Counts, over the newest samples, what speaks against poses.
+    """Counts the newest samples for which there is a reason to distrust the pose.
 
-    floor: (3,) the least powers that count as light, mW.
+    floor: (3,) least power of each detector that counts as light, mW.
     """
 
     def __init__(self, floor: Floats) -> None:
@@ -161,20 +169,25 @@ class Doubts:
         beyond: NDArray[np.bool_],
         unknown: NDArray[np.bool_],
     ) -> None:
-        """Some samples: readings (n, 9), flags (n,), whose residual is beyond chance (n,), and
-        which lack the temperature that the sensor follows (n,)."""
+        """Add samples: readings (n, 9) and flags (n,).
+
+        beyond: (n,) whether the residual is beyond chance.  unknown: (n,) whether the sample lacks
+        the temperature that the sensor's model needs.
+        """
         self.samples += len(flags)
-        dark = readings[:, 2::3] < self.floor  # false where a detector is saturated, and reads NaN
+        is_dark = (
+            readings[:, 2::3] < self.floor
+        )  # false where a detector is saturated, and reads NaN
         signs = {COLD: unknown, BEYOND: beyond, FULL: flags & SATURATED}
-        for name, found in (signs | dict(zip(DETECTORS, dark.T, strict=True))).items():
-            self.counts[name] += int(np.count_nonzero(found))
+        for name, has_doubt in (signs | dict(zip(DETECTORS, is_dark.T, strict=True))).items():
+            self.counts[name] += int(np.count_nonzero(has_doubt))
         if self.samples >= LOOKED_AT:
             self.said = self.sentences()
             self.samples = 0
             self.counts.clear()
 
     def sentences(self) -> list[str]:
-        """One for each thing that is not rare."""
+        """Return a sentence for each doubt that concerns more than `NOTICED` of the samples."""
         doubts = {
             BEYOND: "poses have a residual beyond chance: do not trust them",
             FULL: "samples are saturated: there is too much light, or "
@@ -186,11 +199,11 @@ class Doubts:
         sentences = [
             f"{self.percent(name)} of the newest {what}"
             for name, what in doubts.items()
-            if self.share(name) > NOTICED
+            if self.fraction(name) > NOTICED
         ]
-        lost = [name for name in DETECTORS if self.share(name) > NOTICED]
+        lost = [name for name in DETECTORS if self.fraction(name) > NOTICED]
         if lost:
-            most = max(lost, key=self.share)
+            most = max(lost, key=self.fraction)
             names = ", ".join(name.upper() for name in lost)
             what = "detectors" if len(lost) > 1 else "detector"
             sentences.append(
@@ -198,8 +211,9 @@ class Doubts:
             )
         return sentences
 
-    def share(self, name: str) -> float:
+    def fraction(self, name: str) -> float:
+        """Return the fraction of the samples to which a doubt applies."""
         return self.counts[name] / max(1, self.samples)
 
     def percent(self, name: str) -> str:
-        return f"{100 * self.share(name):.0f} %"
+        return f"{100 * self.fraction(name):.0f} %"

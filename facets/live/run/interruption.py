@@ -1,4 +1,4 @@
-"""Signals: those that end a run wait until it is their turn, one lets a stopped stage go on."""
+"""Signals that end a run in good order, and the signal that resumes a stopped stage."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 
 @contextmanager
 def deferring() -> Iterator[list[int]]:
-    """Within it the signals that would interrupt are put down in the list that it gives.
+    """Defer signals that would interrupt the block: yield a list to which they are appended.
 
-    At its end the handler of the first of them is called after all; the `KeyboardInterrupt` that it
-    may raise is dropped, since the work has ended in good order. Signals that end a program at once
-    still do, as do all outside the main thread.
+    At the end of the block the handler of the first one is called. A `KeyboardInterrupt` that it
+    raises is dropped, because the work has ended in good order. Outside the main thread, and for
+    signals that end a program at once, nothing is deferred.
     """
     came: list[int] = []
     before: dict[int, Callable[[int, FrameType | None], Any]] = {}
@@ -43,7 +43,7 @@ def deferring() -> Iterator[list[int]]:
 
 @contextmanager
 def resume_by_signal(tracker: Tracker) -> Iterator[None]:
-    """Within it SIGUSR1 resumes a stopped stage, where the system has such a signal."""
+    """Let SIGUSR1 resume a stopped stage within the block, if the system has this signal."""
     number = getattr(signal, "SIGUSR1", None)
     if number is None or threading.current_thread() is not threading.main_thread():
         yield

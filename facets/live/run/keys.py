@@ -9,16 +9,16 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any
 
-#: A key is looked for so often, s.
+#: Interval at which keys are polled, s.
 POLL_S = 0.2
 
 
 @contextmanager
 def watch_keys(actions: Mapping[str, Callable[[], None]]) -> Iterator[None]:
-    """Within it a key that is pressed calls its action, from a thread of its own.
+    """Call the action of each pressed key within the block, from a separate thread.
 
-    Where the standard input is no terminal nothing happens, and nothing is read. A program in the
-    background reads nothing either, since the terminal then belongs to another.
+    Nothing is read if the standard input is no terminal, or while the program runs in the
+    background, because the terminal then belongs to another program.
     """
     if not sys.stdin or not sys.stdin.isatty():
         yield
@@ -56,7 +56,7 @@ class Terminal:
         self.before: list[Any] = termios.tcgetattr(self.place)
 
     def read(self) -> str:
-        """Keys that were pressed; waits for some no longer than POLL_S."""
+        """Return the pressed keys; wait for up to POLL_S if there are none."""
         import select
         import termios
         import time

@@ -20,22 +20,22 @@ from .sink import Sink
 
 #: Without a sample for this long, s, the board is silent: its last pose is no longer the present.
 SILENCE_S = 1.0
-#: So many of the usual times between samples pass before a slow board is silent.
+#: A slow board is silent after this many of its usual times between samples.
 SILENT_SAMPLES = 10
 
 
 @dataclass
 class Live:
-    """The state of a run, for those who show it.
+    """The state of a run, for views and pages.
 
-    clock: of the run, s; another than the host's only together with a virtual bench.  newest: poses
-    of the newest samples that are solved.  latency: of each batch that was the newest
-    when it was solved, from its last byte to its poses, s.  backlog: number of samples that wait.
-    most: largest backlog so far.  age: how long the oldest of them has waited, s.  behind: whether
-    the loop has fallen behind.  late: number of samples that were solved after newer ones.
-    sinks: where samples go.  events: those that the sinks do not have yet.  beam_loss: counts for a
-    beam that follows the mirror.  is_urgent: whether the system gave the run a real-time priority.
-    note: what the reader waits for.  port_message: what the port has to say of its senders.
+    clock: of the run, s; the host's, except with a virtual bench.  newest: poses of the newest
+    solved samples.  latency: time from the last byte to the poses of each batch that was the newest
+    when it was solved, s.  backlog: number of waiting samples.  most: largest backlog so far.  age:
+    time for which the oldest of them has waited, s.  behind: whether the loop has fallen behind.
+    late: number of samples that were solved after newer ones.  sinks: receivers of the samples.
+    events: events that the sinks have not received yet.  beam_loss: counts for a beam that follows
+    the mirror.  is_urgent: whether the system gave the run a real-time priority.  note: the event
+    that the reader waits for.  port_message: a message of the port about its senders.
     """
 
     pipeline: Pipeline
@@ -63,8 +63,10 @@ class Live:
 
     @property
     def loss(self) -> float:
-        """Samples that never came, as a share of all: by their numbers, or by the time without any,
-        whichever is more, because a board that is silent numbers none."""
+        """Fraction of the samples that were lost, by their numbers or by the time without samples.
+
+        The larger of both counts, because a silent board numbers no samples.
+        """
         lost = self.pipeline.sequence.lost
         by_number = lost / max(1, lost + self.pipeline.tally.samples)
         without = self.time_without_samples
@@ -82,7 +84,7 @@ class Live:
 
     @property
     def silence(self) -> float:
-        """For how long the board has been silent by now, s; 0 where samples come as usual."""
+        """Time for which the board has been silent until now, s; 0 while samples come as usual."""
         has_begun = not isnan(self.last)
         passed = self.now - (self.last if has_begun else self.begin)
         usual = (self.last - self.first) / max(1, self.pipeline.tally.samples) if has_begun else 0.0
@@ -91,7 +93,7 @@ class Live:
 
     @property
     def time_without_samples(self) -> float:
-        """For how long the board has been silent since its first sample, s."""
+        """Total time without samples since the first one, s."""
         return 0.0 if isnan(self.first) else 1e-6 * self.pipeline.sequence.silent + self.silence
 
     @property
@@ -100,17 +102,17 @@ class Live:
         return None if self.silence else self.newest
 
     def add_arrival(self, arrival: float) -> None:
-        """Take note of samples that came at a time, s."""
+        """Note the arrival of samples at a time, s."""
         self.first = arrival if isnan(self.first) else self.first
         self.last = arrival
 
     @property
     def stage_stop(self) -> str:
-        """Why the stage is stopped until somebody resumes; or nothing."""
+        """The reason why the stage is stopped until somebody resumes, or ''."""
         return (self.tracker.error or self.tracker.envelope.latched) if self.tracker else ""
 
     def latency_p99(self) -> float:
-        """The 99th percentile of the newest latencies, s; NaN where nothing is solved yet."""
+        """Return the 99th percentile of the newest latencies, s; NaN if nothing is solved yet."""
         return float(np.quantile(list(self.latency), 0.99)) if self.latency else float("nan")
 
     def messages(self) -> list[str]:

@@ -1,10 +1,10 @@
-"""A stream recorded and solved as it comes.
+"""The loop that solves a stream while it is recorded.
 
 One thread reads and records, and does nothing else (`reader`); this one solves; a third moves the
 stage. Samples that are not solved yet wait in a backlog. Where the backlog grows old, the newest
 samples are solved first and the others when there is time; those for which there is none are given
-up: they are recorded, and a replay solves them. The run tells when it falls behind, and when it has
-caught up.
+up: they are recorded, and a replay solves them. The run reports when it falls behind, and when it
+has caught up.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ NEWEST_FIRST_AFTER_S = 0.05
 BACKLOG_WARNING_S = 0.25
 #: A batch that has waited this long, s, is given up.
 GIVE_UP_AFTER_S = 10.0
-#: What waits at the end of a run is solved for up to this time, s.
+#: Samples that wait at the end of a run are solved for up to this time, s.
 FINISH_S = 2.0
 #: A thread that waits for the interpreter gets it after this time, s: the solver, busy with many
 #: small steps, else keeps the reader and the loop of the stage waiting for several milliseconds.
@@ -92,7 +92,7 @@ class Ending:
 
 
 class Loop:
-    """Solves what the reader brings; the newest first where not all can be solved in time."""
+    """Solves the reader's samples, the newest first if not all can be solved in time."""
 
     def __init__(
         self,
@@ -164,22 +164,22 @@ class Loop:
                 live.latency.append(live.clock() - arrival)
             if live.tracker:
                 apexes, beams = apexes_of(poses)
-                known = live.pipeline
+                pipeline = live.pipeline
                 samples = SolvedSamples(poses.host, powers_of(poses), apexes, beams)
-                live.tracker.feed(samples, known.times.late, known.trust.doubt)
+                live.tracker.feed(samples, pipeline.times.late, pipeline.trust.doubt)
         else:
             live.late += len(poses)
         self.give_to_sinks(poses)
 
     def give_to_sinks(self, poses: RunPoses) -> None:
-        """Give poses to the sinks, and tell them what happened to the zero of displacements."""
+        """Pass poses to the sinks, and report the news about the zero of displacements."""
         for sink in self.live.sinks:
             sink.add_poses(poses)
         for text in self.live.pipeline.measurement.take_news():
             self.live.add_event("zero", text=text)
 
     def report_backlog(self) -> None:
-        """Tell the sinks, once each, that the loop has fallen behind and that it has caught up."""
+        """Report once when the loop has fallen behind, and once when it has caught up."""
         live = self.live
         live.backlog, live.age = self.backlog.samples, self.backlog.age(live.clock())
         live.most = max(live.most, live.backlog)
@@ -229,9 +229,9 @@ def end_of(
     """Exit status of a run that an error, a signal or nothing ended, and the reasons for it."""
     reasons = complaints()
     if error is not None and not isinstance(error, KeyboardInterrupt):
-        known = isinstance(error, FacetsError)
-        words = str(error) if known else f"{type(error).__name__}: {error}"
-        return 2 if known else 1, [words, *reasons]
+        is_expected = isinstance(error, FacetsError)
+        words = str(error) if is_expected else f"{type(error).__name__}: {error}"
+        return 2 if is_expected else 1, [words, *reasons]
     if signals and signals[0] != signal.SIGINT:
         name = signal.Signals(signals[0]).name
         return 128 + signals[0], [f"the program was ended by {name}", *reasons]
@@ -245,12 +245,12 @@ def acquire(
     show: Callable[[Live], None] = lambda _: None,
     complaints: Callable[[], list[str]] = list,
 ) -> None:
-    """Solve what the reader brings until the stream, the time or the samples end, or ^C.
+    """Solve the reader's samples until the stream, the time or the samples end, or ^C.
 
-    show: called after each batch.  complaints: returns why a run that came to its end is not a good
-    one, which the sinks are told. Whatever happens, and whatever fails of it: the stage stops, the
-    reading ends, what came is solved as far as there is time, and the sinks are closed, the first
-    of them last. An error of the stage stops the stage and nothing else; see `Live.stage_stop`.
+    show: called after each batch.  complaints: returns the faults of the finished run, which are
+    recorded. In every case the stage stops, the reading ends, and the received samples are solved
+    as far as there is time. Then the sinks are closed, the first one last, even if a step before
+    fails. An error of the stage stops the stage and nothing else; see `Live.stage_stop`.
     """
     loop = Loop(live, reader, show)
     with deferring() as signals, ExitStack() as closing:

@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 #: Standard uncertainty of the time of a sample relative to the time of the stage, s; it adds the
 #: distance that a moving stage travels in this time to the uncertainty of its position.
 TIMING_SIGMA_S = 1e-3
-#: Bits of a sample's flags beside those of `counts`. The board's permit for the stage is no event:
-#: it is set in every sample, and counted in none.
+#: Bits of a sample's flags in addition to those of `detectors.counts`. The board's permit for the
+#: stage is no event: it is set in every sample and never counted.
 LOST_BEFORE, MARKED, PERMITTED = 4, 8, 16
 #: The flags that are counted, in words.
 FLAGS = {
@@ -249,13 +249,15 @@ class Pipeline:
             channel.column: channel.values(samples.channels[:, n])
             for n, channel in enumerate(self.config.acquire.channels)
         }
-        whole = self.await_neighbours(Batch(seq, time, host, readings, readings, flags, channels))
-        batches, start, waiting = [], 0, len(seq) - len(whole)
+        complete = self.await_neighbours(
+            Batch(seq, time, host, readings, readings, flags, channels)
+        )
+        batches, start, waiting = [], 0, len(seq) - len(complete)
         for end, arrival, encoder in pieces:
             while start < end - waiting:
                 rows = slice(start, min(start + BATCH, end - waiting))
-                origin = locate(self.config, whole.host[rows], arrival, encoder)
-                batches.append(whole.part(rows, **origin))
+                origin = locate(self.config, complete.host[rows], arrival, encoder)
+                batches.append(complete.part(rows, **origin))
                 start = rows.stop
         self.origin = pieces[-1][1:]
         return batches
@@ -296,22 +298,22 @@ class Pipeline:
         unseen_errors(self.config.sensor, np.zeros(8))
 
     def solve(self, batch: Batch) -> RunPoses:
-        """The poses of a batch.
+        """Return the poses of a batch.
 
-        The estimator screens each sample first: one with too few detectors that have enough light,
-        within their edges and below saturation, gets its status without a step.
+        The estimator screens each sample first. A sample gets its status without a step if too few
+        detectors have a spot within their edges, enough light and no saturation.
         """
         samples = samples_of(self.config, batch)
         poses = self.measurement.poses(samples)
         if self.board.came:  # the board does not know the temperature
-            known = poses.solution
+            solution = poses.solution
             if samples.temperature is not None:
-                known, *_ = self.measurement.estimate(replace(samples, temperature=None))
-            self.board.compare(batch.seq, known)
+                solution, *_ = self.measurement.estimate(replace(samples, temperature=None))
+            self.board.compare(batch.seq, solution)
         return self.screen_poses(batch, samples, poses)
 
     def screen_poses(self, batch: Batch, samples: Samples, poses: Poses) -> RunPoses:
-        """Add solved samples to what speaks against poses, and return them with their poses."""
+        """Update the doubts with solved samples, and return the samples with their poses."""
         cold = np.zeros(len(batch), dtype=bool)
         if samples.temperature is not None:
             cold = ~np.isfinite(samples.temperature)
@@ -320,7 +322,7 @@ class Pipeline:
         return batch.join_solution(poses)
 
     def skip(self, batch: Batch) -> RunPoses:
-        """Return the samples of a batch without poses, for which there was no time."""
+        """Return the samples of a batch that was skipped for lack of time, without poses."""
         return batch.join_solution(self.measurement.skip(samples_of(self.config, batch)))
 
 
@@ -338,15 +340,15 @@ def samples_of(config: Config, batch: Batch) -> Samples:
 def convert(config: Config, samples: RawSamples) -> tuple[Floats, NDArray[np.uint8]]:
     """Readings (n, 9) and flags (n,) of counts."""
     sensor, electronics = config.sensor, config.electronics
-    dark = np.full(12, config.acquire.dark)
+    dark_counts = np.full(12, config.acquire.dark)
     xy_sum = samples.kind == XY_SUM
     if xy_sum.all() or not xy_sum.any():
-        return counts_to_readings(sensor, electronics, samples.counts, bool(xy_sum[0]), dark)
+        return counts_to_readings(sensor, electronics, samples.counts, bool(xy_sum[0]), dark_counts)
     out, flags = np.empty((len(samples), 9)), np.empty(len(samples), np.uint8)
     for kind in (True, False):
         part = xy_sum == kind
         out[part], flags[part] = counts_to_readings(
-            sensor, electronics, samples.counts[part], kind, dark
+            sensor, electronics, samples.counts[part], kind, dark_counts
         )
     return out, flags
 
@@ -372,8 +374,8 @@ def join_poses(parts: list[RunPoses]) -> RunPoses:
 
 
 def join(parts: Sequence[Any]) -> Any:
-    """Join records of arrays, and of records and tables of arrays, one after the other; of anything
-    else take the first."""
+    """Join arrays, and records and tables of arrays, one after the other; of other values take the
+    first."""
     first = parts[0]
     if isinstance(first, np.ndarray):
         return np.concatenate(parts)

@@ -1,4 +1,4 @@
-"""Poses in a loop, for programs in Python that want nothing recorded."""
+"""Poses in a loop of a Python program, without a recording."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def poses(
     opened.  port: port of the board; `acquire.port` by default.  ended: called at each read;
     returns whether to end, for programs with threads.  columns: further columns of the poses, in
     `RunPoses.object`. The poses end with the stream of a file, or when the loop is left; the port
-    is then closed. Raises `PortError` if the port cannot be opened, or goes away.
+    is then closed. Raises `PortError` if the port cannot be opened, or disappears.
 
-    A sample that cannot be solved has a status and NaN, as `facets.solve` has it. A loop that is
-    slower than the stream loses samples in the system's buffers; `seq` tells.
+    A sample that cannot be solved has a status and NaN, as in `facets.solve`. A loop that is slower
+    than the stream loses samples in the system's buffers; gaps in `seq` show them.
     """
     pipeline = Pipeline(config, columns)
     pipeline.warm_up()

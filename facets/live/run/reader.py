@@ -19,9 +19,9 @@ from .pipeline import BATCH
 
 #: Time between attempts to open a port again, s.
 REOPEN_INTERVAL_S = 0.2
-#: A second connection is opened beside one that has brought nothing for this time, s.
+#: A second connection is opened if the first has received nothing for this time, s.
 HALF_OPEN_S = 5.0
-#: Bytes that a line gives in the first moment were sent before, s.
+#: Bytes that a line gives within this time after its opening were sent before, s.
 DISCARD_S = 0.1
 #: A source that loses nothing is not read while this many batches wait to be solved.
 MAX_WAITING_BATCHES = 50
@@ -34,7 +34,7 @@ class Reader(threading.Thread):
 
     The thread ends at the source's end, or with an error in `error`. A block is passed on at once
     where the loop waits for it. Where the loop is busy, the block grows for up to `MAX_BLOCK_S`:
-    each block has a cost beside that of its samples, and few large blocks let the loop catch up.
+    each block has a fixed cost, and a few large blocks let the loop catch up.
 
     is_stepped: whether the loop reads the source and moves the stage itself, in one thread, while
     it waits for a block, because the run's clock is that of a virtual bench.
@@ -52,14 +52,14 @@ class Reader(threading.Thread):
     ) -> None:
         """Open the port, waiting for it for up to `acquire.wait_s` of the configuration.
 
-        reconnect: wait for the port in the thread instead, without end, and again whenever it goes
-        away.  on_progress: receives a sentence if there is something to wait for.
+        reconnect: wait for the port in the thread instead, without end, and again whenever it
+        disappears.  on_progress: receives a sentence if there is something to wait for.
         """
         super().__init__(name="reader", daemon=True)
         self.settings, self.port_name = config.acquire, name
         self.reconnect, self.live = reconnect, live
         self.port: Source | None = None
-        self.spare: ConnectionPort | None = None  # a second connection beside a silent one
+        self.spare: ConnectionPort | None = None  # a second connection while the first is silent
         self.heard = time.monotonic()
         if reconnect:
             live.note = f"waiting for {name}"
@@ -94,7 +94,7 @@ class Reader(threading.Thread):
             self.close_port()
 
     def close_port(self) -> None:
-        """Close the port, and a second connection; one that is gone may refuse even that."""
+        """Close the port and a second connection; a port that disappeared may refuse even that."""
         self.close_spare()
         port, self.port = self.port, None
         if port is not None:
@@ -143,7 +143,7 @@ class Reader(threading.Thread):
             self.pass_on()
 
     def read(self) -> bytes:
-        """Return what came, from a second connection if it brings bytes before the silent one.
+        """Return the bytes that came, from a second connection if the first one is silent.
 
         A board that lost its power, or a network that forgot the connection, closes nothing: the
         connection looks open for ever. The silent one stays open meanwhile, since a board may be
@@ -178,7 +178,7 @@ class Reader(threading.Thread):
         data = bytes(self.pending)
         self.pending.clear()
         tracker = self.live.tracker
-        # what a file holds came at an unknown time; its first bytes are a beginning for the others
+        # the bytes of a file came at unknown times; the time of the first ones is the origin
         waits = self.port is not None and self.port.waits and not self.is_stepped
         arrival = nan if waits and self.live.bytes else self.arrival
         block = Block(data, arrival, tracker.encoder if tracker else None)

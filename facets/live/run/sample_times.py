@@ -59,8 +59,7 @@ class SampleTimes:
 
     @property
     def late(self) -> float:
-        """How much later the newest samples came than the earliest line of the board's clock so
-        far says, s."""
+        """Delay of the newest samples after the earliest line of the board's clock so far, s."""
         over = self.host_time.over if self.settings.timing == "arrival" else 0.0
         return self.host_time.late + over
 

@@ -1,4 +1,4 @@
-"""What a run writes to: the protocol `Sink`, which recordings and publications follow."""
+"""The protocol `Sink` of the receivers of a run's data: recordings and publications."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .pipeline import RunPoses
 
 
 class Sink(Protocol):
-    """Receives what a run reads and solves. No method raises, or keeps a live run waiting.
+    """Receives the data of a run. No method raises an error or keeps a live run waiting.
 
     `add_block` is called by the thread that reads, `add_event` by one of its own, all others by the
     thread that solves.
@@ -23,7 +23,7 @@ class Sink(Protocol):
         """Take the poses of some samples, as soon as they are solved."""
 
     def add_event(self, name: str, **details: Any) -> None:
-        """Take note of something that happened; details: `monotonic` and `utc`, when it did, s."""
+        """Note an event.  details: its times `monotonic` and `utc`, s, and other values."""
         return
 
     def refresh(self) -> None:
@@ -31,7 +31,7 @@ class Sink(Protocol):
         return
 
     def messages(self) -> list[str]:
-        """Return what a person should know now, in sentences."""
+        """Return the sentences that a person should read now."""
         return []
 
     def values(self) -> dict[str, Any]:
@@ -39,8 +39,8 @@ class Sink(Protocol):
         return {}
 
     def sentences(self) -> list[str]:
-        """Return what is said at the end of a run, line by line."""
+        """Return the lines for the end of a run."""
         return []
 
     def close(self) -> None:
-        """Finish what was begun, and release everything."""
+        """Write what is left, and release all resources."""

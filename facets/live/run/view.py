@@ -1,4 +1,4 @@
-"""What a person, a pipe or another program sees of a run."""
+"""Views of a run: a screen for a terminal, lines of text or JSON, and the summary at the end."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def item(name: str, value: Any, unit: str = "", why: str = "", bad: bool = False
 
 
 def values(live: Live) -> dict[str, Any]:
-    """The newest sample and the counts so far, in the units that people see."""
+    """Return the newest sample and the counts so far, in the units of a display."""
     sequence, tally, parser = live.pipeline.sequence, live.pipeline.tally, live.pipeline.parser
     entries: dict[str, Any] = {
         "seconds": round(live.duration, 3),
@@ -105,7 +105,7 @@ def newest_row(poses: RunPoses) -> dict[str, Any]:
 
 
 def round_digits(value: float) -> float | None:
-    """Six digits; None for what is no number, which JSON has no word for."""
+    """Round to six digits; None for NaN and infinity, which JSON cannot represent."""
     return float(f"{value:.6g}") if np.isfinite(value) else None
 
 
@@ -114,8 +114,8 @@ def json_line(live: Live) -> str:
 
 
 def pose_in_words(now: dict[str, Any]) -> str:
-    """The newest pose of `values`, each number to two digits of its uncertainty; or the status that
-    it has instead."""
+    """Return the newest pose of `values`, each number to two digits of its uncertainty, or the
+    status of a sample without a pose."""
     if now.get("status") != Status.CONVERGED.label:
         return str(now.get("status", "no pose"))
     parts = []
@@ -129,9 +129,9 @@ def pose_in_words(now: dict[str, Any]) -> str:
 
 def plain_line(live: Live) -> str:
     now = values(live)
-    share = f" ({100 * now['loss']:.3g} %)" if now["loss"] else ""
+    percent = f" ({100 * now['loss']:.3g} %)" if now["loss"] else ""
     text = f"{now['seconds']:.1f} s  {pose_in_words(now)}  {now['rate_hz']:.0f}/s"
-    text += f"  lost {now['lost']}{share}  corrupt {now['corrupt']}  unsolved {now['unsolved']}"
+    text += f"  lost {now['lost']}{percent}  corrupt {now['corrupt']}  unsolved {now['unsolved']}"
     if now["late"] or now["skipped"]:
         text += f"  late {now['late']}  skipped {now['skipped']}"
     if now["latency_p99_ms"] is not None:
@@ -226,7 +226,7 @@ def clock_sentences(live: Live) -> Iterator[str]:
 
 
 class Screen:
-    """Pose, the spots and powers of the detectors, and how the stream does, as rich renders them.
+    """The screen that rich renders: pose, spots and powers of the detectors, and counts.
 
     Detectors and axes have the hues that they have in every picture.
     """
@@ -270,10 +270,10 @@ def pose_table(newest: RunPoses | None) -> Any:
 
 
 def stream_counts(pipeline: Pipeline) -> list[Item]:
-    """How many samples came, and what was wrong with them."""
+    """Return the numbers of samples, of lost ones and of faults."""
     tally, sequence, parser = pipeline.tally, pipeline.sequence, pipeline.parser
     total = tally.samples + sequence.lost
-    share = f" ({100 * sequence.lost / total:.3g} %)" if sequence.lost else ""
+    percent = f" ({100 * sequence.lost / total:.3g} %)" if sequence.lost else ""
     faults = {
         "frames refused": parser.corrupt,
         "bytes passed over": parser.skipped,
@@ -282,7 +282,7 @@ def stream_counts(pipeline: Pipeline) -> list[Item]:
     rare = {**tally.flags, "came twice": sequence.doubled, "restarts": sequence.restarts}
     return [
         item("samples", tally.samples),
-        item("lost", f"{sequence.lost}{share}", bad=sequence.lost > 0),
+        item("lost", f"{sequence.lost}{percent}", bad=sequence.lost > 0),
         *(item(name, count, bad=count > 0) for name, count in faults.items()),
         item("beyond chance", tally.misfit.flagged, bad=tally.misfit.is_mostly_flagged),
         *(item(name, count, bad=True) for name, count in rare.items() if count),
@@ -290,7 +290,7 @@ def stream_counts(pipeline: Pipeline) -> list[Item]:
 
 
 def run_counts(live: Live) -> list[Item]:
-    """The counts of the stream, and how the loop keeps up."""
+    """Return the counts of the stream and of the loop's backlog."""
     tally = live.pipeline.tally
     skipped = tally.skipped_count
     unknown = "no sample is solved yet, or the source is a file or virtual"
@@ -305,8 +305,7 @@ def run_counts(live: Live) -> list[Item]:
 
 
 def lower_lines(live: Live, now: dict[str, Any]) -> Iterator[Any]:
-    """Yield the lines under the tables: counts, of which those that need a look stand out, and
-    messages."""
+    """Yield the lines below the tables: the counts, with faults highlighted, and messages."""
     from rich.text import Text
 
     alarm = f"bold {terminal_hues().alarm}"
@@ -323,7 +322,7 @@ def lower_lines(live: Live, now: dict[str, Any]) -> Iterator[Any]:
 
 
 def detector_table(live: Live) -> Any:
-    """A line a detector in its hue: the place of its spot, and its light."""
+    """Return a table with a line for each detector, in its hue: position and power of the spot."""
     from rich.table import Table
     from rich.text import Text
 
@@ -348,7 +347,7 @@ def light(live: Live, k: int, power: float) -> str:
 
 
 def more(now: dict[str, Any]) -> Iterator[str]:
-    """Of what a run may have beside its poses: channels, stage, board, publications, flags."""
+    """Yield lines on channels, stage, board poses and publications, as far as the run has them."""
     if "channels" in now:
         yield "   ".join(
             f"{column} {'-' if value is None else f'{value:.5g}'}"

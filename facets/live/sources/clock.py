@@ -2,8 +2,8 @@
 
 A board's two counters, of samples and of microseconds, are 32 bits each: the second wraps every
 71.6 minutes. A counter that is suddenly small has wrapped, or the board was switched off and on.
-Only together do the two counters and the host's clock tell which: after a wrap all three agree on
-how much time has passed; after a restart they do not.
+The two counters and the host's clock together distinguish the two cases: after a wrap all three
+agree on how much time has passed; after a restart they do not.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FACTOR = 4.0
 MEMORY = 2**17
 #: Samples that are ahead of the host's clock by more than this may be of another board, us.
 EARLY_US = 100_000
-#: Number of earlier counts of which the numbers may go on.
+#: Number of earlier counts whose numbers may continue.
 MAX_COUNTS = 8
 #: A remembered sample: the key of its count, its number, its time and its counts.
 REMEMBERED = np.dtype([("key", "<u4"), ("seq", "<u4"), ("time", "<u4"), ("counts", "<i4", 12)])
@@ -38,11 +38,11 @@ REMEMBERED = np.dtype([("key", "<u4"), ("seq", "<u4"), ("time", "<u4"), ("counts
 
 @dataclass
 class CounterState:
-    """The two counters of a board since it was switched on, as of its newest sample.
+    """The two counters of a board since it was switched on, at its newest sample.
 
-    key: a number that no other count has.  first: number of the first sample.  seq, time: as sent.
-    host: time of arrival, s.  restarts, lost: restarts of the board and lost samples that were
-    counted when this count began, and are none if an earlier count goes on.
+    key: a number that no other count has.  first: number of the first sample.  seq, time: counters
+    as sent.  host: time of arrival, s.  restarts, lost: restarts of the board and lost samples that
+    were counted when this count began; they are taken back if an earlier count continues.
     """
 
     key: int
@@ -55,7 +55,7 @@ class CounterState:
 
     @property
     def is_sure(self) -> bool:
-        """Whether no earlier count can go on in the place of this one."""
+        """Whether this count is certain, so that no earlier count can continue instead."""
         return not (self.restarts or self.lost)
 
     def take(self, samples: RawSamples, arrival: float) -> None:
@@ -68,17 +68,17 @@ class Sequence:
     """Unwraps seq and t_us, and counts samples that are missing or come twice.
 
     lost: samples that never came.  doubled: samples that came again, or too late, and were dropped.
-    foreign: samples of another count than the one followed, which were dropped.  restarts: of the
-    board, whose counters then begin anew; the samples lost meanwhile are not known.  leaps: of
-    the board's clock alone, while the numbers go on.  breaks: how often the board's time began
-    anew, at a leap or as another count was followed, and went on by the host's clock.  silent: time
-    for which the board took no samples, though none is missing by its number, us.  period: between
-    samples, us, 0 while it is not known.  fresh: position of the first sample after a break among
-    the samples that were followed last; 0 without one.
+    foreign: samples of another count than the one followed, which were dropped.  restarts: number
+    of restarts of the board, whose counters then begin anew; samples lost meanwhile are not known.
+    leaps: number of leaps of the board's clock alone, while the numbers continue.  breaks: how
+    often the board's time began anew, at a leap or with another count, and was continued by the
+    host's clock.  silent: time for which the board took no samples, though none is missing by its
+    number, us.  period: between samples, us, 0 while it is not known.  fresh: position of the first
+    sample after a break among the samples that were followed last; 0 without one.
 
-    Where the numbers go on as they did before a supposed restart or loss, there was none: another
-    board sends to the same port, or frames of long ago come again. The count from before is then
-    followed, and another one once it is silent.
+    If the numbers continue those before a supposed restart or loss, there was none: another board
+    sends to the same port, or old frames come again. The earlier count is then followed, and
+    another one once it is silent.
     """
 
     #: A step ahead by more than this is a restart unless it agrees with both clocks.
@@ -131,8 +131,11 @@ class Sequence:
         return is_next and len(run_ends(samples)) == 1
 
     def newest_period(self, time: NDArray[np.int64], counts: list[int]) -> float:
-        """The period by times (n,) of which so many came in each block: that of the last block with
-        several samples, else the known one."""
+        """Return the period of samples, us, by the last block with several samples.
+
+        If there is none, the period stays as it was.  time: (n,) us.  counts: number of samples in
+        each block.
+        """
         end = len(time)
         for count in reversed(counts):
             if count > 1:
@@ -162,7 +165,7 @@ class Sequence:
     def sort_out(
         self, samples: RawSamples, arrival: float
     ) -> tuple[RawSamples, NDArray[np.int64], NDArray[np.int64]]:
-        """Follow samples run by run, if a counter does not simply go on."""
+        """Follow samples run by run, if a counter does not simply continue."""
         keep = np.zeros(len(samples), dtype=bool)
         seqs: list[NDArray[np.int64]] = []
         times: list[NDArray[np.int64]] = []
@@ -181,12 +184,12 @@ class Sequence:
                 continue
             if self.breaks > breaks:
                 self.fresh = int(keep.sum())
-            step, whole = steps
-            pause = int(min(whole, gap))  # a clock that was set ahead is no silence
+            step, elapsed = steps
+            pause = int(min(elapsed, gap))  # a clock that was set ahead is no silence
             if step == 1 and self.period and pause > max(CLOSE_US, 10 * self.period):
                 self.silent += pause
             seqs.append(seq + step + np.arange(run.stop - run.start))
-            times.append(time + whole + elapsed_counts(samples.time[run]))
+            times.append(time + elapsed + elapsed_counts(samples.time[run]))
             seq, time = int(seqs[-1][-1]), int(times[-1][-1])
             keep[run] = True
         nothing = np.zeros(0, np.int64)
@@ -199,32 +202,32 @@ class Sequence:
     def join_run(
         self, run: RawSamples, arrival: float, gap: float, first: bool
     ) -> tuple[int, int] | None:
-        """The steps of number and time, us, to samples that follow each other; None to drop them.
+        """Return the steps of number and time, us, to consecutive samples; None to drop them.
 
         gap: host's time since the last samples, us.  first: see `elapsed_time`.
         """
         number, at, board = int(run.seq[0]), int(run.time[0]), self.board
         step, passed = (number - board.seq) % WRAP, (at - board.time) % WRAP
-        whole = self.elapsed_time(step, passed, gap, first)
-        other = self.find_count(number, at, arrival, WRAP if whole is None else step)
+        elapsed = self.elapsed_time(step, passed, gap, first)
+        other = self.find_count(number, at, arrival, WRAP if elapsed is None else step)
         if other and board.is_sure and arrival - board.host < 1e-6 * CLOSE_US:
             self.foreign += len(run)
             other.take(run, arrival)
             return None
-        if other or whole is None:
+        if other or elapsed is None:
             self.break_count(other, number, is_leap=step == 1)
             waited = gap if isfinite(gap) and first else 0.0
-            step, whole = 1, int(max(waited, self.period, 1.0))
-        elif step > 1 and not whole <= gap + EARLY_US:
+            step, elapsed = 1, int(max(waited, self.period, 1.0))
+        elif step > 1 and not elapsed <= gap + EARLY_US:
             self.start_count(number, lost=step - 1)
         self.lost += step - 1
         self.remember(run, arrival)
-        return step, whole
+        return step, elapsed
 
     def break_count(self, other: CounterState | None, number: int, is_leap: bool) -> None:
         """Follow another count, or a new one of a board that restarted, from a sample on.
 
-        is_leap: whether the numbers go on, so that without another count only the clock leapt.
+        is_leap: whether the numbers continue, so that without another count only the clock leapt.
         """
         self.breaks += 1
         if other:
@@ -244,12 +247,16 @@ class Sequence:
         back, earlier = (board.seq - number) % WRAP, (board.time - at) % WRAP
         if back >= MEMORY or arrival - self.repeating > 1e-6 * CLOSE_US:
             return False
-        known = self.memory[number % MEMORY]
-        is_known = known["seq"] == number
-        if is_known and known["time"] == at and (known["counts"] == samples.counts[n]).all():
+        remembered = self.memory[number % MEMORY]
+        is_known = remembered["seq"] == number
+        if (
+            is_known
+            and remembered["time"] == at
+            and (remembered["counts"] == samples.counts[n]).all()
+        ):
             self.repeating = arrival if isnan(self.repeating) else self.repeating
             return True
-        if is_known and known["key"] == board.key:
+        if is_known and remembered["key"] == board.key:
             return False  # a board that counts anew has the number, not the light
         is_past = 0 < back <= (board.seq - board.first) % WRAP
         return self.period > 0 and is_past and self.agrees(earlier, back)
@@ -262,8 +269,8 @@ class Sequence:
         for other in sorted(self.others, key=lambda other: (number - other.seq) % WRAP):
             step = (number - other.seq) % WRAP
             gap, passed = 1e6 * (arrival - other.host), (at - other.time) % WRAP
-            whole = self.elapsed_time(step, passed, gap, first=True)
-            if 0 < step < limit and whole is not None and not whole > gap + EARLY_US:
+            elapsed = self.elapsed_time(step, passed, gap, first=True)
+            if 0 < step < limit and elapsed is not None and not elapsed > gap + EARLY_US:
                 return other
         return None
 
@@ -275,7 +282,7 @@ class Sequence:
         self.board = CounterState(self.counts, number, number, 0, self.board.host, restarts, lost)
 
     def resume_count(self, other: CounterState) -> None:
-        """Follow an earlier count again: what began those after it was no restart and no loss."""
+        """Follow an earlier count again: the later counts began with no restart and no loss."""
         self.others = [*(count for count in self.others if count is not other), self.board]
         self.board = other
         for count in self.others:
@@ -287,7 +294,7 @@ class Sequence:
 
     @property
     def complaint(self) -> str:
-        """What the samples of other counts mean; empty if none came."""
+        """The sentence on samples of other counts; empty if none came."""
         if not self.foreign:
             return ""
         return (
@@ -296,7 +303,7 @@ class Sequence:
         )
 
     def sentences(self) -> Iterator[str]:
-        """Yield what the counters of the whole stream showed."""
+        """Yield the sentences on restarts and dropped samples of the whole stream."""
         if self.restarts:
             yield f"the board restarted {self.restarts} times; what it lost meanwhile is not known"
         if self.doubled:
@@ -324,12 +331,12 @@ class Sequence:
             return passed
         has_host = isfinite(gap)
         goal = gap if has_host else step * self.period
-        whole = passed + WRAP * max(0, round((goal - passed) / WRAP))
-        were_kept = self.explains_samples(step, whole)
-        if has_host and not self.agrees_with_host(whole, gap, first, were_kept):
+        elapsed = passed + WRAP * max(0, round((goal - passed) / WRAP))
+        were_kept = self.explains_samples(step, elapsed)
+        if has_host and not self.agrees_with_host(elapsed, gap, first, were_kept):
             return None
         goes_on = has_host if step == 1 else self.may_miss(step, were_kept, has_host and first)
-        return whole if goes_on else None
+        return elapsed if goes_on else None
 
     def may_miss(self, step: int, were_kept: bool, late: bool) -> bool:
         """Whether the samples before this one, step - 1, may be missing, and nothing else is wrong.
@@ -340,22 +347,23 @@ class Sequence:
         is_near = step <= self.AHEAD or (self.period > 0 and late)
         return is_plausible and is_near
 
-    def explains_samples(self, step: int, whole: float) -> bool:
-        """Whether the missing samples can have been taken in a time `whole`, us."""
+    def explains_samples(self, step: int, elapsed: float) -> bool:
+        """Whether the missing samples can have been taken in a time `elapsed`, us."""
         if step == 1 or self.period == 0:
             return False
-        # a board that stood still for a while and lost samples has not begun anew
-        stood = whole < CLOSE_US and self.fits_samples(whole, step)
-        return stood or self.agrees(whole, step)
+        # a board that paused for a while and lost samples has not begun anew
+        stood = elapsed < CLOSE_US and self.fits_samples(elapsed, step)
+        return stood or self.agrees(elapsed, step)
 
-    def agrees_with_host(self, whole: float, gap: float, first: bool, were_kept: bool) -> bool:
-        """Whether the board's clock went on by about as much, `whole` us, as the host's, `gap` us.
+    def agrees_with_host(self, elapsed: float, gap: float, first: bool, were_kept: bool) -> bool:
+        """Whether the board's clock advanced by about as much (`elapsed`, us) as the host's.
 
-        Only samples after those that the board kept for long may be ahead of the host.
+        gap: time that passed on the host's clock, us. Only samples after those that the board kept
+        for long may be ahead of the host.
         """
         slack = 1e6 * CREDIBLE_S + 1e-3 * abs(gap)
-        is_behind = first and whole < gap - slack
-        is_ahead = whole > gap + slack and not were_kept
+        is_behind = first and elapsed < gap - slack
+        is_ahead = elapsed > gap + slack and not were_kept
         return not (is_behind or is_ahead)
 
 
@@ -376,6 +384,6 @@ def usual_step(time: NDArray[np.int64]) -> float:
 
 def elapsed_counts(values: NDArray[np.uint32]) -> NDArray[np.int64]:
     """The steps of a counter that wraps at 2^32, since the first of its values (n,)."""
-    gone = np.zeros(len(values), np.int64)
-    np.cumsum(values[1:] - values[:-1], out=gone[1:])  # unsigned: they wrap as the counter does
-    return gone
+    elapsed = np.zeros(len(values), np.int64)
+    np.cumsum(values[1:] - values[:-1], out=elapsed[1:])  # unsigned: they wrap as the counter does
+    return elapsed

@@ -1,4 +1,4 @@
-"""The three formats of a detector board's bytes: parsed in blocks, also after noise, and made.
+"""The three formats of a detector board's bytes: parsed in blocks, also after noise, and encoded.
 
 Every format carries the same sample: seq (u32), t_us (u32), 12 counts (i32), four a detector, and
 up to 15 auxiliary channels (f32). docs/formats.md describes the bytes for those who write firmware.
@@ -40,14 +40,14 @@ def frame_dtype(channels: int) -> np.dtype[np.void]:
 FRAME = frame_dtype(0)
 SIZE = FRAME.itemsize
 SIGN = int.from_bytes(SYNC, "little")
-#: Number of frames that are checked together: after a spoilt frame these are checked again.
+#: Number of frames that are checked together, and again after a corrupted one.
 TOGETHER = 64
-#: Kinds of frames: the counts of four electrodes a detector, or X, Y, SUM and one spare; or a pose
-#: that the board has solved (`board_poses`), with the number of the sample that it belongs to.
+#: Kinds of frames. ELECTRODES: counts of four electrodes for each detector. XY_SUM: X, Y, SUM and a
+#: spare number. POSE: a pose that the board has solved (`board_poses`), with its sample's number.
 ELECTRODES, XY_SUM, POSE = 1, 2, 3
-#: Bits of `flags`: the board lost samples before this one; a converter was at its end; its input
-#: for a trigger or a PPS signal had an edge since the sample before; its input for a permit is on,
-#: so that the stage may move.
+#: Bits of `flags`. OVERRUN: the board lost samples before this one. SATURATED: a converter was at
+#: the end of its range. MARK: the board's input for a trigger or a PPS signal had an edge since the
+#: last sample. PERMIT: its input for a permit is on, so that the stage may move.
 OVERRUN, SATURATED, MARK, PERMIT = 1, 2, 4, 8
 
 
@@ -120,13 +120,13 @@ def samples_from(frames: NDArray[np.void]) -> RawSamples:
 def sound_frames(view: memoryview, dtype: np.dtype[np.void]) -> int:
     """Number of sound frames, one after the other, with which the bytes begin."""
     size = dtype.itemsize
-    whole = len(view) // size
-    for first in range(0, whole, TOGETHER):
-        count = min(TOGETHER, whole - first)
+    total = len(view) // size
+    for first in range(0, total, TOGETHER):
+        count = min(TOGETHER, total - first)
         sound = are_sound(view[first * size : (first + count) * size], dtype)
         if not sound.all():
             return first + int(sound.argmin())
-    return whole
+    return total
 
 
 def are_sound(view: memoryview, dtype: np.dtype[np.void]) -> NDArray[np.bool_]:
@@ -159,8 +159,7 @@ class FixedFrames(Parser):
         return samples_from(np.frombuffer(b"".join(good), self.dtype))
 
     def resume(self, raw: bytes, view: memoryview, place: int) -> int:
-        """The place where a sound frame begins again, or may begin with bytes that are still to
-        come."""
+        """Return the next position at which a sound frame begins, or may begin with later bytes."""
         self.corrupt += raw.startswith(SYNC, place)
         following = place
         while True:
@@ -186,14 +185,14 @@ class CobsFrames(Parser):
 
     def feed(self, block: bytes) -> RawSamples:
         *parts, self.rest = (self.rest + block).split(b"\0")
-        whole = [part for part in parts if len(part) == self.coded]
+        complete = [part for part in parts if len(part) == self.coded]
         self.refuse([part for part in parts if part and len(part) != self.coded])
         if len(self.rest) > 4 * self.coded:  # no end in sight: not this format
             self.refuse([self.rest])
             self.rest = b""
-        raw = cobs_decode(np.frombuffer(b"".join(whole), np.uint8).reshape(-1, self.coded))
+        raw = cobs_decode(np.frombuffer(b"".join(complete), np.uint8).reshape(-1, self.coded))
         fine = are_sound(memoryview(raw.tobytes()), self.dtype)
-        self.refuse([part for part, good in zip(whole, fine, strict=True) if not good])
+        self.refuse([part for part, good in zip(complete, fine, strict=True) if not good])
         return samples_from(np.ascontiguousarray(raw[fine]).view(self.dtype).ravel())
 
     def refuse(self, parts: list[bytes]) -> None:
@@ -233,7 +232,7 @@ def cobs_encode(samples: RawSamples) -> bytes:
 
 class TextLines(Parser):
     """Format "text": lines of seq,t_us,c0,...,c11, and of the auxiliary channels. There is no
-    checksum: use it to try things."""
+    checksum: use it only for tests."""
 
     #: Length of a line, bytes, that no line reaches.
     LONGEST = 800

@@ -1,11 +1,11 @@
 """The times of a board's samples on the host's clock, from the blocks that came soonest.
 
-A block can only be late: the port, the system and a busy reader keep it for a while, and nothing
-brings it early. The earliest of all arrivals therefore tell the time best. The line under the
-arrivals against the board's clock that touches them from below, with the least sum of distances
-(Moon, Skelly and Towsley, 1999), is the maximum of the likelihood for exponential delays; it is
-an edge of the lower convex hull. Its slope is the drift of the board's clock, which is held within
-that of a quartz until the arrivals lie along another line: then the clock is off, and is told.
+A block can only be late: the port, the system and a busy reader delay it, and nothing brings it
+early. The earliest arrivals therefore determine the time best. The line touches the arrivals,
+plotted against the board's clock, from below, and has the least sum of distances (Moon, Skelly and
+Towsley, 1999). It maximises the likelihood for exponential delays and is an edge of the lower
+convex hull. Its slope is the drift of the board's clock, which is held within that of a quartz
+until the arrivals clearly lie along another line. Then the clock is reported as off.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ KNOWN_BUCKETS = 5
 LATE_BUCKETS = 50
 #: Ratio of the arrivals' drift to their scatter above which they lie along a line of another rate.
 DRIFT_RATIO = 10.0
-#: Number of buckets from which on a rate beyond that of a quartz is believed.
+#: Least number of buckets for accepting a rate beyond that of a quartz.
 DRIFT_BUCKETS = 10
 #: An arrival with a delay above this counts as late, s.
 LATE_ARRIVAL_S = 0.01
-#: For a line under n points whose distances from it are exponential with mean m: its bias at the
-#: middle of the points, and the standard deviations of its value at their end and of its rise over
-#: all of them, in units of m/n; by simulation (tests/live/test_host_time.py repeats it).
+#: Errors of a line under n points whose distances from it are exponential with mean m, in units of
+#: m/n, by simulation (tests/live/test_host_time.py repeats it). BIAS: at the middle of the points.
+#: END, RISE: standard deviations of its value at their end and of its rise over all of them.
 BIAS, END, RISE = 1.8, 4.0, 7.0
 #: Pairs of times of the two clocks of which the closest one counts.
 CLOCK_READINGS = 3
@@ -84,13 +84,13 @@ class ClockLine(NamedTuple):
 class HostTime:
     """The line between the clocks of a board and of the host, since the board's last start.
 
-    rate, rate_sigma: share of the host's time by which the board's clock is slow, with its standard
-    uncertainty.  known: the last of both that the arrivals determined; they outlive a restart.
-    is_held: whether the arrivals drift by more than a quartz, but not clearly so.  restarts: number
-    of new lines.  over: the delay of the newest block after the line, s.  late: delay of the line
-    after the soonest line so far, s, without the drift of a quartz; a board's clock that lost time
-    looks the same as a delay.  moves: how often a known line was moved by more than its drift.
-    worst: the largest uncertainty of times that were newest, s.
+    rate, rate_sigma: fraction of the host's time by which the board's clock is slow, and its
+    standard uncertainty.  known: the last of both that the arrivals determined; they outlive a
+    restart. is_held: whether the arrivals drift by more than a quartz, but not clearly so.
+    restarts: number of new lines.  over: the delay of the newest block after the line, s.  late:
+    delay of the line after the soonest line so far, s, without the drift of a quartz; a board's
+    clock that lost time looks the same as a delay.  moves: how often a known line was moved by more
+    than its drift. worst: the largest uncertainty of times that were newest, s.
     """
 
     def __init__(self) -> None:
@@ -162,9 +162,9 @@ class HostTime:
         """Fit the line under the remembered arrivals."""
         at, lag = np.array(self.points).T
         count, middle, length = len(at), float(at.mean()), float(at[-1] - at[0]) or BUCKET_S
-        x, (known, sigma) = at - middle, self.held
-        free = hull_slope(x, lag, known)
-        rate = min(max(free, known - 3 * sigma), known + 3 * sigma)
+        x, (held_rate, sigma) = at - middle, self.held
+        free = hull_slope(x, lag, held_rate)
+        rate = min(max(free, held_rate - 3 * sigma), held_rate + 3 * sigma)
         excess = abs(free - rate)
         offset, over = touching_line(x, lag, free)
         unclear = DELAY_CHANGE_S + DRIFT_RATIO * median_scale(over)
@@ -183,8 +183,8 @@ class HostTime:
         self.rate, self.rate_sigma = rate, hypot(sigma, excess)
         if self.is_known and not self.is_held:
             # counts of microseconds are as much in doubt at both ends
-            own = hypot(RISE * self.scale / count / length, 2 * COUNT_SIGMA_S / length)
-            self.rate_sigma = own if excess else min(sigma, own)
+            fitted_sigma = hypot(RISE * self.scale / count / length, 2 * COUNT_SIGMA_S / length)
+            self.rate_sigma = fitted_sigma if excess else min(sigma, fitted_sigma)
             self.known = rate, self.rate_sigma
         self.line = ClockLine(middle, offset - BIAS * self.scale / count, rate)
 
@@ -210,7 +210,7 @@ class HostTime:
 
     @property
     def ppm(self) -> float:
-        """Share of the host's time by which the board's clock is slow, 1e-6; NaN until it is
+        """Fraction of the host's time by which the board's clock is slow, 1e-6; NaN until it is
         known."""
         rate, sigma = self.known
         return 1e6 * rate if sigma < max(QUARTZ_RATE, abs(rate) / 10) else nan
@@ -241,9 +241,9 @@ def hull_slope(x: Floats, y: Floats, single: float) -> float:
         while len(hull) > 1 and turns_down(hull[-2], hull[-1], point):
             hull.pop()
         hull.append(point)
-    for (left, low), (right, high) in pairwise(hull):
-        if right >= 0:
-            return (high - low) / (right - left)
+    for (x_low, y_low), (x_high, y_high) in pairwise(hull):
+        if x_high >= 0:
+            return (y_high - y_low) / (x_high - x_low)
     return single
 
 

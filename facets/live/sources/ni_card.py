@@ -1,10 +1,10 @@
 """National Instruments' cards as a source of samples, by the maker's package `nidaqmx`.
 
-`ni:Dev1/ai0:11?rate=10000` samples twelve voltages by the card's own clock: of detectors A, B, C,
-each at -y, +y, -z, +z, in the order of the channels; those after the twelfth are the auxiliary
-channels of the configuration, in V. `bits` and `range` say how voltages become counts, and must be
-what `sensor.electronics` has as `adc_bits` and `adc_range_v` (16 and 10 by
-default); `terminal` is rse, nrse, diff or default. Not tried on a card: written by the maker's
+`ni:Dev1/ai0:11?rate=10000` samples twelve voltages by the card's own clock. In the order of the
+channels they are the electrodes -y, +y, -z, +z of the detectors A, B and C. Channels after the
+twelfth are the auxiliary channels of the configuration, in V. `bits` and `range` convert voltages
+to counts and must equal `adc_bits` and `adc_range_v` of `sensor.electronics` (16 and 10 by
+default). `terminal` is rse, nrse, diff or default. Not tested on a card: written from the maker's
 documentation and source (nidaqmx 1.7).
 """
 
@@ -31,21 +31,23 @@ RESERVED = -50103
 TERMINALS = {"rse": "RSE", "nrse": "NRSE", "diff": "DIFF", "default": "DEFAULT"}
 
 
-def numbers_of(name: str, known: dict[str, float]) -> tuple[str, dict[str, float], dict[str, str]]:
+def numbers_of(
+    name: str, defaults: dict[str, float]
+) -> tuple[str, dict[str, float], dict[str, str]]:
     """The place in a port's name, its options with a number or its default, and its other options.
 
-    known: the options with numbers, and their defaults. Raises `PortInUse`, because waiting does
+    defaults: the options with numbers, and their defaults. Raises `PortInUse`, because waiting does
     not help, if one of them is not a positive number.
     """
     place, _, query = name.partition("?")
-    given = dict(parse_qsl(query, keep_blank_values=True))
-    words = {key: given.pop(key) for key in list(given) if key not in known}
+    texts = dict(parse_qsl(query, keep_blank_values=True))
+    words = {key: texts.pop(key) for key in list(texts) if key not in defaults}
     try:
-        numbers = known | {key: float(value) for key, value in given.items()}
+        numbers = defaults | {key: float(value) for key, value in texts.items()}
     except ValueError as error:
         raise PortInUse(f"{name}: {error}") from None
     if not all(np.isfinite(value) and value > 0 for value in numbers.values()):
-        raise PortInUse(f"{name}: {', '.join(known)} must be positive numbers")
+        raise PortInUse(f"{name}: {', '.join(defaults)} must be positive numbers")
     return place.partition(":")[2], numbers, words
 
 

@@ -36,9 +36,9 @@ RETRY_INTERVAL_S = 0.1
 CONNECT_TIMEOUT_S = 2.0
 #: Another sender of datagrams is read once the present one has sent nothing for this time, s.
 SENDER_SILENCE_S = 1.0
-#: Options of TCP by which a connection fails within 10 s of the loss of its other end, which may
-#: have lost its power, so that it closes nothing: a probe every second after 5 s without data, and
-#: the longest time in which data that were sent must be confirmed, ms. Not every system has all.
+#: Options of TCP by which a connection fails within 10 s of the loss of its other end. A board that
+#: lost its power closes nothing. After 5 s without data a probe is sent every second; the last
+#: entry bounds the time in which sent data must be confirmed, ms. Not every system has all options.
 KEEP_ALIVE = {
     "TCP_KEEPIDLE": 5, "TCP_KEEPALIVE": 5, "TCP_KEEPINTVL": 1, "TCP_KEEPCNT": 5,
     "TCP_USER_TIMEOUT": 10_000,
@@ -151,8 +151,8 @@ class ConnectionPort(SocketPort):
 class DatagramPort(SocketPort):
     """A board that sends its frames by UDP to a port of this machine, `udp://HOST:PORT`.
 
-    HOST is an address of this machine, 127.0.0.1 if it is left out, so that only programs of this
-    machine can send; 0.0.0.0 is all of its addresses. Each datagram holds any number of whole
+    HOST is an address of this machine: 127.0.0.1 by default, so that only programs of this machine
+    can send; 0.0.0.0 means all of its addresses. Each datagram holds any number of whole
     frames, whose samples are missing by `seq` if the datagram is lost. The first sender is read,
     and another one after it has sent nothing for `SENDER_SILENCE_S`; with `?from=HOST` the senders
     of this host alone, and with `?from=any` all at once.
@@ -196,7 +196,7 @@ class DatagramPort(SocketPort):
 
     @property
     def message(self) -> str:
-        """What a person should know of the senders; empty if there is nothing."""
+        """A message about the senders; empty if there is none."""
         if self.refused:
             board = "{}:{}".format(*self.sender) if self.sender else self.host
             return (
@@ -328,7 +328,7 @@ def await_port(
     on_progress: receives a sentence once, if there is something to wait for. Raises `PortError`
     after `wait` seconds; at once for a file, and for a port that another program uses.
     """
-    last, told = time.monotonic() + wait, False
+    last, is_announced = time.monotonic() + wait, False
     while True:
         try:
             return open_port(name, baud)
@@ -337,7 +337,7 @@ def await_port(
         except PortError as error:
             if name.startswith("file:") or time.monotonic() >= last:
                 raise
-            if not told:
+            if not is_announced:
                 on_progress(f"{error}. Waiting up to {wait:g} s for it.")
-                told = True
+                is_announced = True
             time.sleep(RETRY_INTERVAL_S)

@@ -1,4 +1,4 @@
-"""The protocol `Source` of what a run reads from, its errors, and its blocks of bytes."""
+"""The protocol `Source` of sources of bytes, its errors, and its blocks of bytes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Block(NamedTuple):
 class Source(Protocol):
     """A source of bytes in one of the formats of `frames`.
 
-    The call that opens it raises `PortError` where there is nothing to open, and `PortInUse` where
+    The call that opens it raises `PortError` if there is nothing to open, and `PortInUse` if
     waiting does not help. One thread uses a source.
     """
 
@@ -52,9 +52,9 @@ class Source(Protocol):
         ...
 
     def read(self) -> bytes:
-        """Return what has come, after `POLL_S` at the latest; empty bytes are no error.
+        """Return the bytes that came, after `POLL_S` at the latest; empty bytes are no error.
 
-        Raises `PortError` where the source went away.
+        Raises `PortError` if the source has disappeared.
         """
         ...
 

@@ -2,10 +2,10 @@
 
 `thorlabs:69000001,69000002,69000003?rate=30` asks three controllers (KPA101, TPA101) with
 lateral-effect heads, of detectors A, B, C, one after the other: X and Y difference and sum, so that
-X / SUM is the place in half sizes. They are asked by USB, some milliseconds each, so that a sample
-is of three instants: for adjustment and slow motions. A quadrant head gives a difference that is no
-place. `bits` and `range` as for `ni_card`. Not tried on hardware: written by pylablib's
-documentation and source (1.4).
+X / SUM is the place in half sizes. Each USB query takes some milliseconds, so that the
+three detectors of a sample have different times: use it for adjustment and slow motions. The
+difference that a quadrant head gives is no position. `bits` and `range` are as for `ni_card`. Not
+tested on hardware: written from pylablib's documentation and source (1.4).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What goes out of a run: samples for other programs."""
+"""Samples of a run that are published for other programs."""
 
 from typing import TYPE_CHECKING
 

@@ -46,16 +46,16 @@ def template_of(names: tuple[str, ...]) -> str:
 
 
 def json_of(rows: Rows) -> list[str]:
-    """A text for each sample, without the numbers that are not known: JSON has no word for them."""
+    """Return a text for each sample, without unknown numbers, which JSON cannot represent."""
     heads = rows[["utc_s", "seq", "status", "flags"]].tolist()
     names = numbers_of(rows.dtype)
     template = template_of(names)
     numbers = np.column_stack([rows[name] for name in names])
-    whole = np.isfinite(numbers).all(axis=1)
+    is_finite = np.isfinite(numbers).all(axis=1)
     texts = [template % (*head, *row) for head, row in zip(heads, numbers.tolist(), strict=True)]
     return [
         text if fine else UNKNOWN.sub("", text).replace(",}", "}")
-        for text, fine in zip(texts, whole.tolist(), strict=True)
+        for text, fine in zip(texts, is_finite.tolist(), strict=True)
     ]
 
 

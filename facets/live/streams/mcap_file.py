@@ -1,8 +1,8 @@
 """Poses of a recording as an MCAP file, which Foxglove and other tools of robotics open.
 
-Channels in JSON, each with its schema: `/facets/sample`, all that is known of a sample, in the
-units of the tables; and `/facets/pose`, a `foxglove.PoseInFrame` of the mirror in the world's frame
-for views in three dimensions, in metres. With an object `/facets/object` is the same of the object.
+The channels are in JSON, each with its schema. `/facets/sample` has all values of a sample in the
+units of the tables. `/facets/pose` is a `foxglove.PoseInFrame` of the mirror in the world's frame,
+in metres, for views in three dimensions; with an object, `/facets/object` is its pose.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class McapFile(ClosedAtExit):
             self.object = self.channel("/facets/object", "foxglove.PoseInFrame", pose_schema())
 
     def channel(self, topic: str, name: str, schema: dict[str, Any]) -> int:
-        known = self.writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
-        number: int = self.writer.register_channel(topic, "json", known)
+        schema_number = self.writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
+        number: int = self.writer.register_channel(topic, "json", schema_number)
         return number
 
     def write(self, poses: RunPoses) -> None:
@@ -72,8 +72,10 @@ class McapFile(ClosedAtExit):
 
 
 def pose_messages(poses: Floats, times: list[int]) -> list[tuple[int, dict[str, Any]]]:
-    """Of the poses (n, 6) that are known, with their numbers: place in m, turn as a quaternion,
-    Rz(yaw) Ry Rx."""
+    """Return the known ones of poses (n, 6) as messages, with their row numbers.
+
+    Positions are in m; the quaternion is that of the rotation Rz(yaw) Ry Rx.
+    """
     from scipy.spatial.transform import Rotation
 
     good = np.flatnonzero(np.isfinite(poses).all(axis=1))

@@ -54,9 +54,9 @@ COLUMNS = columns_of(SAMPLE)
 
 @dataclass(frozen=True)
 class Interval:
-    """What a flight holds, for `prepare`: so many samples, or those of so many seconds.
+    """The length of a flight, for `prepare`: a number of samples, or a time in seconds.
 
-    Without either it ends when the plan says `complete`, for a file at its end.
+    Without either the flight ends when the plan calls `complete`, or at the end of a file.
     """
 
     samples: int | None = None
@@ -82,7 +82,7 @@ class PoseSensor(
 
     def __init__(self, config: Config, address: str | None = None, name: str = "") -> None:
         """address: a board's port, `file:PATH` or `zmq://HOST:PORT` of `facets acquire
-        --publish`; the configuration's own port if left out."""
+        --publish`; the configuration's own port by default."""
         self._config = config
         self._address = address or config.acquire.port or ""
         if not self._address:
@@ -112,13 +112,13 @@ class PoseSensor(
 
     @AsyncStatus.wrap
     async def stage(self) -> None:
-        """Opens the source, and waits for its first sample."""
+        """Open the source, and wait for its first sample."""
         stream = await self._open()
         await asyncio.to_thread(stream.wait, lambda: np.isfinite(stream.newest))
 
     @AsyncStatus.wrap
     async def unstage(self) -> None:
-        """Lets go of the source."""
+        """Close the source."""
         stream, self._stream = self._stream, None
         self._flying = False
         if stream is not None:
@@ -126,7 +126,7 @@ class PoseSensor(
 
     @AsyncStatus.wrap
     async def trigger(self) -> None:
-        """Waits for the first sample that is taken from now on; of a file, for the next one."""
+        """Wait for the first sample that is taken from now on; of a file, for the next one."""
         if self._flying:
             raise FacetsError(f"{self.name}: is flying; complete the flight before a trigger")
         stream = await self._open()
@@ -141,7 +141,7 @@ class PoseSensor(
         self._row = rows
 
     async def read(self) -> dict[str, Reading[Any]]:
-        """The sample of the last trigger. Raises where there was none."""
+        """Return the sample of the last trigger. Raises `FacetsError` if there was none."""
         if self._row is None:
             raise FacetsError(f"{self.name}: was not triggered, so that it has no sample to read")
         at = float(self._row["utc_s"][0])
@@ -176,14 +176,14 @@ class PoseSensor(
 
     @AsyncStatus.wrap
     async def prepare(self, value: Interval) -> None:
-        """Says what the next flight is to hold."""
+        """Set the length of the next flight."""
         if (value.samples or 1) <= 0 or (value.seconds or 1) <= 0:
             raise InputError(f"{self.name}: {value}: needed is a time above zero")
         self._interval = value
 
     @AsyncStatus.wrap
     async def kickoff(self) -> None:
-        """Keeps the samples that are taken from now on; of a file, those that are left."""
+        """Keep the samples that are taken from now on; of a file, the remaining ones."""
         if self._flying:
             raise FacetsError(f"{self.name}: flies already")
         stream = await self._open()
@@ -196,9 +196,9 @@ class PoseSensor(
 
     @AsyncStatus.wrap
     async def complete(self) -> None:
-        """Waits until all samples of the interval are there.
+        """Wait until all samples of the interval have arrived.
 
-        Raises `FacetsError` where samples found no place since nobody collected them.
+        Raises `FacetsError` if samples were lost because nobody collected them.
         """
         stream = self._require_stream()
         if self._left is None and self._end == np.inf and not stream.patient:
@@ -223,7 +223,7 @@ class PoseSensor(
         return stream.held.count >= self._left
 
     async def collect_pages(self) -> AsyncIterator[PartialEventPage]:
-        """What came of the interval and was not collected yet, as event pages."""
+        """Yield the samples of the interval that were not collected yet, as event pages."""
         stream = self._require_stream()
         rows = await asyncio.to_thread(self._gather, stream)
         if not self._flying:

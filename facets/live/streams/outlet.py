@@ -90,7 +90,7 @@ class Outlet:
             zmq.SNDHWM: SHORT_HIGH_WATER_MARK if patient else HIGH_WATER_MARK,
             zmq.LINGER: LINGER_MS,
             zmq.XPUB_NODROP: int(patient),
-            zmq.XPUB_VERBOSER: 1,  # each subscriber comes and goes by itself
+            zmq.XPUB_VERBOSER: 1,  # reports each subscriber by itself
             # a subscriber that sends without end waits itself, and fills no memory
             zmq.RCVHWM: MAX_HEARD // 10,
             zmq.MAXMSGSIZE: 4_096,
@@ -228,10 +228,10 @@ class Outlet:
 class Relay:
     """A process that subscribes to the run which has started it, and passes samples on.
 
-    said: the newest values that the process reports: `sent`, the number of rows that it has passed
-    on, whether or not they arrived; `dropped`, the number of rows that it has missed or could not
-    pass on; `receivers`, the present number of receivers, None if it cannot be known.  trouble: why
-    nothing is published any more; empty while the process works.
+    said: the newest values that the process reports. `sent` is the number of rows that it has
+    passed on, whether or not they arrived. `dropped` is the number of rows that it has missed or
+    could not pass on. `receivers` is the present number of receivers, or None if it cannot be
+    known. trouble: the reason why nothing is published any more; empty while the process works.
     """
 
     def __init__(self, address: str, outlet: Outlet, module: str, setup: dict[str, Any]) -> None:

@@ -67,9 +67,9 @@ class RowStream:
     """
 
     def __init__(self, config: Config, address: str) -> None:
-        """address: a board's port, `file:PATH`; `zmq://HOST:PORT` of a publication.
-        Raises `FacetsError` where a publication cannot be opened; a port's error
-        comes by `check`.
+        """address: a board's port, `file:PATH`, or `zmq://HOST:PORT` of a publication.
+
+        Raises `FacetsError` if a publication cannot be opened; `check` raises a port's error.
         """
         self.config, self.address = config, address
         self.dtype = kept_dtype(config)
@@ -106,7 +106,7 @@ class RowStream:
                 self.add(rows)
                 if self.ending.is_set():
                     break
-        except Exception as error:  # told to whoever waits
+        except Exception as error:  # raised by `check` in the thread that waits
             self.error = error
         finally:
             with self.news:

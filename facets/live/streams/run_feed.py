@@ -1,4 +1,4 @@
-"""What a run publishes, in a process that it has started, and the way back to the run."""
+"""The samples of a run in a process that it has started, and the replies to the run."""
 
 from __future__ import annotations
 
@@ -59,10 +59,10 @@ class RunFeed(Subscription):
         return parts, statuses
 
     def tell_loss(self, missed: int) -> None:
-        """Do nothing: `report` tells the run."""
+        """Do nothing, because `report` states the loss."""
 
     def report(self, sent: int, receivers: int | None) -> None:
-        """Tell the run what became of the samples, every now and then and at the end."""
+        """Report the counts of samples to the run, at intervals and at the end."""
         if self.ended or time.monotonic() >= self.due:
             self.due = time.monotonic() + REPORT_INTERVAL_S
             self.tell(sent=sent, dropped=self.next - sent, receivers=receivers)

@@ -39,7 +39,7 @@ PARTS = tuple(f"u_{part}_{name}" for part in UNCERTAINTY_PARTS for name in STATE
 
 
 def row_content(config: Config, objects: Measurement | None = None) -> dict[str, Any]:
-    """Describe the columns of rows beside those of SAMPLE, as a publication sends it.
+    """Describe the columns of rows in addition to those of SAMPLE, as a publication sends it.
 
     They are the parts of the uncertainties, the pose of the measured object, and the auxiliary
     channels.  objects: the run's measurement; by default that of the configuration alone.

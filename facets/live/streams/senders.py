@@ -1,6 +1,6 @@
 """Processes of a run that pass its samples on: `python -m facets.live.streams.senders ADDRESS`.
 
-They subscribe to the run that has started them, and tell it what became of the samples.
+They subscribe to the run that has started them, and report the counts of samples to it.
 """
 
 from __future__ import annotations
@@ -67,9 +67,9 @@ class Lsl:
             channel = channels.append_child("channel")
             channel.append_child_value("label", label)
             channel.append_child_value("unit", unit_of(label, auxiliary))
-            known = ("seq", "status", "flags", "residual")
+            of_status = ("seq", "status", "flags", "residual")
             kind = "Auxiliary" if label in auxiliary_columns else "Pose"
-            channel.append_child_value("type", "Status" if label in known else kind)
+            channel.append_child_value("type", "Status" if label in of_status else kind)
         for key in ("config", "config_sha256", "facets", "object", "zero"):
             info.desc().append_child_value(key, str(about.get(key, "")))
         self.outlet = pylsl.StreamOutlet(info, chunk_size=100, max_buffered=60)

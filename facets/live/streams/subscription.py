@@ -38,17 +38,17 @@ class Subscription(ClosedAtExit):
     Attributes
     ----------
     about : dict
-        What the publisher says of the samples: configuration, units, the words of each status.
+        The publisher's description of the samples: configuration, units, words of each status.
     dtype : numpy.dtype
         Of the rows; `docs/formats.md` describes the columns.
     lost : int
-        Number of samples that were published and did not find place here, because this program
-        did not take them in time.
+        Number of published samples that were dropped, because this program did not take them in
+        time.
 
     Raises
     ------
     InputError
-        For what is no such address, and where nobody publishes there.
+        If the address is invalid, or nobody publishes there.
 
     Examples
     --------
@@ -131,7 +131,7 @@ class Subscription(ClosedAtExit):
         return np.frombuffer(data, self.dtype)
 
     def tell_loss(self, missed: int) -> None:
-        """Tell the publisher how many rows were missed."""
+        """Report the number of missed rows to the publisher."""
         with suppress(zmq.ZMQError):  # the publisher may have gone
             self.socket.send(LOST + b"%d" % missed, zmq.NOBLOCK)
 

@@ -1,9 +1,9 @@
 """A virtual bench on ptys: a moving mirror, a board that counts its light, a stage for the beam.
 
-It fails like real hardware, on demand: bits flip, bytes are lost or come twice, samples are
-dropped, the board stalls or restarts, the cable is pulled, the beam is blocked, a converter is at
-its end, the stage refuses or jams. Faults are counted, and the true states are written, to be
-compared with the measured ones.
+It fails like real hardware, on demand. Bits flip, bytes are lost or come twice, samples are
+dropped, the board stalls or restarts, or the cable is pulled. The beam is blocked, a converter
+saturates, or the stage refuses or jams. Faults are counted, and the true states are written for
+comparison with the measured ones.
 """
 
 from .bench import Bench, truth_of

@@ -33,9 +33,9 @@ ROUND_INTERVAL_S = 1e-3
 #: Samples of this span are made and sent together, s, like the packets of a USB board.
 PACKET_S = 2e-3
 #: The bench's time advances by this at most at once, s. So a busy machine makes bench and mirror
-#: slower. Otherwise the mirror would run away from samples that come late and from a stage that is
-#: not answered: the circle of the shipped bench would go on by 0.03 mm, a tenth of the range in
-#: which there are poses.
+#: slower. Otherwise the mirror would run away from late samples and from a stage that gets no
+#: answer. On the circle of the shipped bench that is 0.03 mm, a tenth of the range in which there
+#: are poses.
 MAX_ADVANCE_S = 0.005
 #: The same until the stage is first moved: until then nothing follows the mirror, and the bench
 #: catches up, so that its samples have no gaps.
@@ -47,12 +47,12 @@ REPORTED_SLIP_S = 0.05
 
 
 class Bench:
-    """A virtual bench, which runs until it is told to end.
+    """A virtual bench, which runs for a given time or until ^C.
 
     folder: holds the ports `board` and `stage`, the counts and the truth.
 
-    Beam and stage stand at the origin. If the motion leaves a beam there, the beam is set up on the
-    mirror. A motion that leaves that beam, too, begins when the stage is first asked to move.
+    Beam and stage begin at the origin. If the motion leaves a beam there, the beam is set up on the
+    mirror. A motion that leaves that beam, too, begins with the first move of the stage.
     """
 
     truth: FileIO | None = None
@@ -142,7 +142,7 @@ class Bench:
         (self.folder / "counts.json").write_text(json.dumps(asdict(self.count)), "utf-8")
 
     def summary(self) -> Iterator[str]:
-        """Sentences that say what the bench did."""
+        """Yield sentences on the samples, faults and moves of the bench."""
         count = self.count
         yield (
             f"The board made {count.made} samples in {self.last:.1f} s: {count.sent} were sent, "
@@ -199,11 +199,12 @@ class Bench:
         """Make `due` samples: write the truth, and give it to the board."""
         first = self.count.made
         times = (first + np.arange(due)) / self.rate
-        here, before = self.model.place.copy(), self.model.now
+        start, before = self.model.place.copy(), self.model.now
         self.model.advance(now)
         states = self.mirror.interpolate(times)
-        share = np.clip((times - before) / max(now - before, 1e-9), 0, 1)[:, None]
-        states[:, 6:] = here + share * (self.model.place - here) + self.config.solve.beam_offset
+        fraction = np.clip((times - before) / max(now - before, 1e-9), 0, 1)[:, None]
+        carried = start + fraction * (self.model.place - start)
+        states[:, 6:] = carried + self.config.solve.beam_offset
         seq = (first + np.arange(due)).astype(np.uint32)
         self.count.made += due
         host = self.begin + seq / self.rate

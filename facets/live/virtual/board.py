@@ -83,10 +83,10 @@ class BenchSetup:
 class Count:
     """Counts of what happened on the bench.
 
-    made, sent, dropped: samples; those sent include the spoilt ones.  spoilt: samples sent with a
-    flipped, lost or doubled byte.  moves: commands that the stage obeyed.  restarts: of the board.
-    slipped: seconds for which the bench's time stood still, because its machine was busy.
-    disabled: how often the board stopped the stage, because no heartbeat came.
+    made, sent, dropped: numbers of samples; those sent include the corrupted ones.  `spoilt`:
+    number of samples sent with a flipped, lost or doubled byte.  moves: commands that the stage
+    obeyed. restarts: of the board. slipped: time for which the bench's time was halted, because its
+    machine was busy, s. disabled: how often the board stopped the stage, because no heartbeat came.
     """
 
     made: int = 0
@@ -99,11 +99,13 @@ class Count:
     disabled: int = 0
 
 
-def add_board_poses(samples: RawSamples, firmware: FirmwareLibrary, dark: Floats) -> RawSamples:
+def add_board_poses(
+    samples: RawSamples, firmware: FirmwareLibrary, dark_counts: Floats
+) -> RawSamples:
     """The samples (n,), each followed by a frame of the kind POSE: (2 n,)."""
     xy_sum = bool(samples.kind[0] == XY_SUM)
     begin = time.perf_counter()
-    poses = firmware.solve(firmware.readings_of_counts(samples.counts, dark, xy_sum))
+    poses = firmware.solve(firmware.readings_of_counts(samples.counts, dark_counts, xy_sum))
     took = 1e6 * (time.perf_counter() - begin) / len(samples)
     solved = np.zeros(len(samples), SOLVED)
     solved["state"], solved["status"] = poses.state, poses.status
@@ -150,7 +152,7 @@ class Board:
 
     clock: of the host, s.  born, born_at: number of the bench's sample at which the board was last
     switched on, and the host's time then, s, from which the board counts samples and microseconds.
-    Its clock goes on where a busy machine makes the bench's time stand still, as a quartz does.
+    Its clock continues, as a quartz does, while a busy machine halts the bench's time.
     """
 
     def __init__(
@@ -185,13 +187,13 @@ class Board:
 
     def suffer(self, now: float) -> None:
         """Pull the cable, put it back or restart, as the schedule demands at the time `now`, s."""
-        gone = self.schedule.is_on("unplug", now)
-        if gone and not self.unplugged:
+        is_unplugged = self.schedule.is_on("unplug", now)
+        if is_unplugged and not self.unplugged:
             self.port.close()
             self.packets.clear()
-        if self.unplugged and not gone:
+        if self.unplugged and not is_unplugged:
             self.port.open()
-        self.unplugged = gone
+        self.unplugged = is_unplugged
         booting = self.schedule.is_on("restart", now)
         if booting and not self.booting:
             self.packets.clear()
@@ -265,8 +267,8 @@ class Board:
     def encode(self, samples: RawSamples) -> bytes:
         """Bytes of the samples, and of their poses where the board has a solver."""
         if self.firmware is not None:
-            dark = np.full(12, float(self.config.acquire.dark))
-            samples = add_board_poses(samples, self.firmware, dark)
+            dark_counts = np.full(12, float(self.config.acquire.dark))
+            samples = add_board_poses(samples, self.firmware, dark_counts)
         return encode(self.config.acquire.format, samples)
 
     def lose(self, count: int) -> None:

@@ -22,7 +22,7 @@ class Faults:
     or comes twice.  drop: the board loses the sample.
 
     For each second: stall: the board sends nothing for 50 ms.  block: the beam is blocked for
-    50 ms.  saturate: a converter is at its end for 50 ms.  unplug: the port goes away for 300 ms.
+    50 ms.  saturate: a converter is at its end for 50 ms.  unplug: the port disappears for 300 ms.
     restart: the board restarts and counts from zero again after 300 ms.  refuse: the stage refuses
     to move for 100 ms.  jam: the stage does not move for 100 ms.  permit: the board's input for the
     stage's permit is off for 100 ms.

@@ -35,7 +35,7 @@ CATCHING_UP_S = 0.1
 
 
 class SimulatedClock:
-    """A clock, s, that advances when it is told to, but not faster than real time."""
+    """A clock, s, that only `advance` moves, but not faster than real time."""
 
     def __init__(self) -> None:
         self.time, self.due = time.monotonic(), 0.0

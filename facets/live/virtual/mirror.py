@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from ...core.settings import Config
 
 
-#: A mirror with less light than this on some detector has left the beam, as a share of its power.
-LEFT = 1e-3
+#: A mirror with less than this fraction of the beam's power on a detector has left the beam.
+MIN_POWER_FRACTION = 1e-3
 #: Time that the mirror takes to come to speed, s.
 RAMP_S = 1.0
 
 
 class Mirror:
-    """A mirror that goes through a motion again and again.
+    """A mirror that repeats a motion.
 
-    It stands at the motion's beginning until `begin` (s), then comes to speed within RAMP_S.
+    It is at rest at the motion's beginning until `begin` (s), then comes to speed within RAMP_S.
     forces: (n, 1) of a vibration's shaker at the motion's times, N; 0 without a shaker.
     """
 
@@ -43,11 +43,11 @@ class Mirror:
         self.begin = np.inf
 
     def leaves(self, place: Floats) -> bool:
-        """Whether the motion takes the mirror out of a beam that stands at `place` (2,), mm."""
+        """Whether the motion takes the mirror out of a beam at a fixed place (2,), mm."""
         states = self.states.copy()
         states[:, 6:] = place
         power = readings(self.sensor, states)[:, 2::3]
-        return not bool((power >= LEFT * self.sensor.beam.power).all())
+        return not bool((power >= MIN_POWER_FRACTION * self.sensor.beam.power).all())
 
     def interpolate(self, time_: Floats) -> Floats:
         """States (n, 8) at times (n,), s."""
@@ -66,7 +66,7 @@ class Mirror:
             )
         phase = np.mod(passed, self.period)
         last = np.searchsorted(self.nodes, phase, side="right") - 1
-        share = (phase - self.nodes[last]) / (self.nodes[last + 1] - self.nodes[last])
-        here: Floats = nodes[last]
-        there: Floats = here + share[:, None] * (nodes[(last + 1) % len(nodes)] - here)
-        return there
+        fraction = (phase - self.nodes[last]) / (self.nodes[last + 1] - self.nodes[last])
+        before: Floats = nodes[last]
+        result: Floats = before + fraction[:, None] * (nodes[(last + 1) % len(nodes)] - before)
+        return result

@@ -35,8 +35,8 @@ class VirtualController:
         raise NotImplementedError
 
     def restart(self) -> None:
-        """Lose power and get it back: the axes stand still, cannot move, and have lost their
-        position."""
+        """Lose power and get it back: the axes are at rest, cannot move, and have lost their
+        reference."""
         self.model.halt()
         self.held, self.referenced = b"", False
         self.zero = np.array(self.model.place)
@@ -92,8 +92,8 @@ class ZaberDevice(VirtualController):
         return "!BADCOMMAND"
 
     def get(self, axis: int, name: str) -> str:
-        here = (self.model.place - self.zero) / self.step
-        table = {"pos": here, **self.limits}
+        position = (self.model.place - self.zero) / self.step
+        table = {"pos": position, **self.limits}
         if name not in table:
             return "!BADCOMMAND"
         values = np.round(table[name]).astype(int)
@@ -171,8 +171,8 @@ class PiController(VirtualController):
     def values(self, query: str) -> Floats:
         """The values of both axes that a query asks for."""
         if query == "POS?":
-            here: Floats = self.model.place - self.zero
-            return here
+            position: Floats = self.model.place - self.zero
+            return position
         return np.full(2, self.model.max_speed if query == "VEL?" else self.model.acceleration)
 
     def set(self, name: str, words: list[str]) -> None:

@@ -1,8 +1,8 @@
 """A page on which a run is watched in a browser.
 
-`page` stands on the side of the run: one more subscriber, which never keeps it waiting. `server` is
-a process of its own that condenses samples (`bins`), decides who may look (`guard`) and feeds the
-pages; what a browser loads lies in `assets` and `vendor`.
+`page` is the run's side of it: one more subscriber, which never keeps the run waiting. `server` is
+a separate process that condenses samples (`bins`), decides who may look (`guard`) and feeds the
+pages. The files that a browser loads are in `assets` and `vendor`.
 """
 
 from typing import TYPE_CHECKING

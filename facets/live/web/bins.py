@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
 from ...core.units import Floats, Integers, Rows
 
-#: Columns of a bin as pages get them: samples, those with a pose, the largest residual, the mean
-#: readings, and for each component of the state its least, its largest, its mean and the largest
-#: standard uncertainty. Residuals, states and uncertainties are those of the samples with a pose.
+#: Columns of a bin as pages get them: the numbers of samples and of poses, the largest residual and
+#: the mean readings. Then, for each component of the state, its least, largest and mean value and
+#: the largest standard uncertainty. Residual, state and uncertainty are of the samples with a pose.
 COLUMNS = (
     "samples",
     "poses",
@@ -49,10 +49,10 @@ def reduced_numbers(rows: Rows, channels: tuple[str, ...]) -> tuple[Floats, Floa
         of_pose[~good] = np.nan
     extras[~np.isfinite(extras)] = np.nan
     summed = np.column_stack([readings, states, extras])
-    known = np.isfinite(summed)
-    sums = np.column_stack([np.ones(len(rows)), good, np.where(known, summed, 0.0), known])
-    least = np.column_stack([states, extras])
-    return sums, least, np.column_stack([least, sigmas, residual])
+    is_known = np.isfinite(summed)
+    sums = np.column_stack([np.ones(len(rows)), good, np.where(is_known, summed, 0.0), is_known])
+    minima = np.column_stack([states, extras])
+    return sums, minima, np.column_stack([minima, sigmas, residual])
 
 
 class Bins:
@@ -112,14 +112,14 @@ class Bins:
         places = numbers % self.count
         is_kept = self.numbers[places] == numbers
         numbers, places = numbers[is_kept], places[is_kept]
-        sums, least, most = (table[places] for table in self.tables)
-        counts, totals, known = np.split(sums, [2, 1 + sums.shape[1] // 2], axis=1)
+        sums, minima, most = (table[places] for table in self.tables)
+        counts, totals, known_counts = np.split(sums, [2, 1 + sums.shape[1] // 2], axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            means = totals / known
+            means = totals / known_counts
         states = _READINGS + _STATES
         table = np.column_stack(
-            [counts, most[:, -1], means[:, :_READINGS], least[:, :_STATES], most[:, :_STATES],
-             means[:, _READINGS:states], most[:, -1 - _STATES : -1], least[:, _STATES:],
+            [counts, most[:, -1], means[:, :_READINGS], minima[:, :_STATES], most[:, :_STATES],
+             means[:, _READINGS:states], most[:, -1 - _STATES : -1], minima[:, _STATES:],
              most[:, _STATES : -1 - _STATES], means[:, states:]]
         )  # fmt: skip
         table[~np.isfinite(table)] = np.nan

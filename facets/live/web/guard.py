@@ -46,16 +46,16 @@ def ip_number(host: str) -> IPv4Address | IPv6Address | None:
 
 
 def place(host: str, port: int) -> str:
-    """As an address of the web has it."""
+    """Return HOST:PORT as in an address of the web."""
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 class Guard:
-    """Says why a request is refused.
+    """Decides whether a request is refused.
 
-    The token in the address keeps out those who were not told it. The name by which the request
-    asks for this machine must be one that it has: a page of another site whose name was made to
-    lead here is refused by that. A request that a page of another origin makes is refused as well.
+    The token in the address keeps out those who do not know it. The request must address this
+    machine by one of its own names, which refuses a page of another site whose name was made to
+    lead here. A request that a page of another origin makes is refused as well.
     """
 
     def __init__(self, token: str, host: str, port: int) -> None:
@@ -69,7 +69,7 @@ class Guard:
             self.any_number = True
 
     def complaint(self, token: str, host: str, origin: str | None) -> str:
-        """Why a request is refused, or nothing.
+        """Return the reason to refuse a request, or ''.
 
         token: of its path.  host: its header Host.  origin: its header Origin, if any.
         """

@@ -1,4 +1,4 @@
-"""What all pages are to know, and what each of them has not been told yet."""
+"""The data for all pages of a run, and for each page the news that it has not received yet."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ NEAR_BINS = 12_000
 ALL_WIDTH_S = 0.001
 #: Number of the bins of the whole run.
 ALL_BINS = 32_768
-#: Number of the bins of a recording: it is looked at more closely, and told once.
+#: Number of the bins of a recording, which is studied more closely and sent only once.
 RECORDED_BINS = 131_072
-#: Of what happened so much is kept.
+#: Number of newest events that are kept.
 EVENTS = 200
-#: Level, whether what was told before of it is void, width (s), bins that follow.
+#: Level, whether the page must drop its earlier bins of that level, width (s), number of bins.
 HEAD = struct.Struct("<IIdII")
 #: The rate of samples is the mean over this time before now, s.
 RATE_WINDOW_S = 2.0
 
 
 def extra_columns(about: dict[str, Any]) -> tuple[str, ...]:
-    """Return the columns that pages show beside the mirror's state.
+    """Return the columns that pages show in addition to the mirror's state.
 
     They are the object's pose and displacement, the auxiliary channels, and the standard
     uncertainties of pose and displacement.
@@ -64,9 +64,9 @@ class Hub:
     def __init__(self, about: dict[str, Any]) -> None:
         self.about = about
         self.origin: float | None = None
-        whole = RECORDED_BINS if about.get("kind") == "replay" else ALL_BINS
+        all_bins = RECORDED_BINS if about.get("kind") == "replay" else ALL_BINS
         self.channels = extra_columns(about)
-        self.all = AllBins(ALL_WIDTH_S, whole, self.channels)
+        self.all = AllBins(ALL_WIDTH_S, all_bins, self.channels)
         self.levels = [Bins(NEAR_WIDTH_S, NEAR_BINS, self.channels), self.all]
         self.newest: dict[str, Any] | None = None
         self.last = -1  # the highest number of a sample
@@ -78,7 +78,7 @@ class Hub:
         self.ended: dict[str, Any] | None = None
         self.pages: set[Page] = set()
 
-    # what comes
+    # messages of the run
 
     def take(self, rows: Rows) -> None:
         """Takes in rows of SAMPLE."""
@@ -91,13 +91,13 @@ class Hub:
             for page in self.pages:
                 page.greeted = False
         times = rows["host_s"] - (np.nan if self.origin is None else self.origin)
-        known = np.isfinite(times)
+        is_timed = np.isfinite(times)
         age = self.all.age
         for level in self.levels:
-            level.add(times[known], rows[known])
+            level.add(times[is_timed], rows[is_timed])
         if self.all.age != age:
             for page in self.pages:
-                page.told[1] = None
+                page.changed[1] = None
         best = int(rows["seq"].argmax())
         if int(rows["seq"][best]) >= self.last:
             self.last = int(rows["seq"][best])
@@ -131,7 +131,7 @@ class Hub:
         }
 
     def hear(self, status: dict[str, Any]) -> None:
-        """Take in the status of the run, and tell its new messages and counts as events."""
+        """Take in the status of the run, and make events of its new messages and counts."""
         at = self.now()
         before, self.said = self.said, kinds_of(status.get("messages", ()))
         for kind in self.said.keys() - before.keys():
@@ -152,7 +152,7 @@ class Hub:
         self.events.append({"number": self.happened, "t": at, "text": text, "what": what})
 
     def end(self, reason: str, good: bool) -> None:
-        """Tell pages that nothing more comes."""
+        """Announce to the pages that nothing more comes."""
         if self.ended is None:
             self.ended = {"type": "end", "reason": reason, "good": good}
             self.tell(self.now(), reason, "")
@@ -164,30 +164,30 @@ class Hub:
         return self.newest["t"] if self.newest else None
 
     def rate(self) -> float:
-        """Samples in a second, of late."""
+        """Return the mean rate of samples over the last RATE_WINDOW_S, 1/s."""
         now = time.monotonic()
         while self.came and now - self.came[0][0] > RATE_WINDOW_S:
             self.came.popleft()
         return sum(count for _, count in self.came) / RATE_WINDOW_S
 
     def share(self) -> None:
-        """Marks what is new for each page, and wakes those that wait for it."""
-        changed = [level.take_changes() for level in self.levels]
+        """Mark the changed bins for each page, and wake the pages."""
+        news = [level.take_changes() for level in self.levels]
         for page in self.pages:
-            for told, new in zip(page.told, changed, strict=True):
-                if told is not None:
-                    told |= new
+            for old, new in zip(page.changed, news, strict=True):
+                if old is not None:
+                    old |= new
             page.wake.set()
 
-    # what goes
+    # messages to the pages
 
     def hello(self) -> str:
         """Return the first message to a page: columns, levels and the description of the run."""
         columns = bin_columns(self.channels)
-        told = {"type": "hello", **self.about, "columns": columns, "states": STATE_COLUMNS}
-        told["extras"] = self.channels
-        told["levels"] = [{"width": level.width, "count": level.count} for level in self.levels]
-        return json_text(told)
+        message = {"type": "hello", **self.about, "columns": columns, "states": STATE_COLUMNS}
+        message["extras"] = self.channels
+        message["levels"] = [{"width": level.width, "count": level.count} for level in self.levels]
+        return json_text(message)
 
     def bins(self, level: int, numbers: set[int] | None) -> bytes | None:
         """Return the bins of these numbers as bytes, or all bins; None if none of these is kept."""
@@ -201,32 +201,32 @@ class Hub:
 
     def news(self, since: int) -> str:
         """The newest sample, the state of the run and the events after the one numbered `since`."""
-        told = {
+        message = {
             "type": "news",
             "sample": self.newest,
             "rate": self.rate(),
             "status": self.status,
             "events": [event for event in self.events if event["number"] > since],
         }
-        return json_text(told)
+        return json_text(message)
 
 
 def kinds_of(texts: Iterable[str]) -> dict[str, str]:
-    """Sentences by what they say, whatever the numbers in them, which change all the time."""
+    """Return sentences by their words without the numbers, which change all the time."""
     return {"".join(c for c in text if not (c.isdigit() or c == ".")): text for text in texts}
 
 
 class Page:
     """An open page, and the news that it has not received yet.
 
-    told: for each level the numbers of the bins that changed; None if the page needs all bins.
+    changed: for each level the numbers of the bins that changed; None if the page needs all bins.
     """
 
     def __init__(self, hub: Hub) -> None:
         self.hub = hub
         self.wake = asyncio.Event()
         self.greeted = False
-        self.told: list[set[int] | None] = [None for _ in hub.levels]
+        self.changed: list[set[int] | None] = [None for _ in hub.levels]
         self.happened = 0
         self.finished = False
 
@@ -235,12 +235,12 @@ class Page:
         hub, messages = self.hub, list[str | bytes]()
         if not self.greeted:
             self.greeted, self.happened = True, 0
-            self.told = [None for _ in hub.levels]
+            self.changed = [None for _ in hub.levels]
             messages.append(hub.hello())
-        for level, told in enumerate(self.told):
-            if (data := hub.bins(level, told)) is not None:
+        for level, numbers in enumerate(self.changed):
+            if (data := hub.bins(level, numbers)) is not None:
                 messages.append(data)
-            self.told[level] = set()
+            self.changed[level] = set()
         messages.append(hub.news(self.happened))
         self.happened = hub.happened
         if hub.ended and not self.finished:

@@ -1,4 +1,4 @@
-"""The page on the side of the run: one more process that subscribes to it."""
+"""The page of a run, seen from the run: one more process that subscribes to it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .guard import is_local, parse_address, place
 if TYPE_CHECKING:
     from ...core.settings import Config
 
-#: The warning beside a page that other machines can open.
+#: The warning about a page that other machines can open.
 OPEN_TO_OTHERS = (
     "warning: other machines can open this page, and anyone who has its address can read it; the "
     "connection is not encrypted"
@@ -43,8 +43,8 @@ class WebPage(Relay):
         """Start the page's process.  Raises `InputError` for an address that cannot be used.
 
         web: the address `[HOST:]PORT`.  status: returns the status of the run, in JSON's types.
-        more: entries for the page beside the description of the configuration.  drawn: the style
-        and the scripts that draw the rig, by their names: `rig_scripts` of
+        more: entries for the page in addition to the description of the configuration.  drawn: the
+        style and the scripts that draw the rig, by their names: `rig_scripts` of
         `facets.pictures.page.scripts`.
         """
         host, port = parse_address(web)
@@ -73,7 +73,7 @@ class WebPage(Relay):
 
 
 def description_of(config: Config) -> dict[str, Any]:
-    """Describe a configuration for a page, beside the description of the samples."""
+    """Describe a configuration for a page, in addition to the description of the samples."""
     sensor = config.sensor
     free = config.solve.beam == "free"
     return {
@@ -87,8 +87,8 @@ def description_of(config: Config) -> dict[str, Any]:
             for name in STATE
         ],
         "detectors": [
-            {"name": name.upper(), "half": half, "least": least}
-            for name, half, least in zip(
+            {"name": name.upper(), "half": half, "least": floor}
+            for name, half, floor in zip(
                 DETECTORS, half_sizes(sensor).tolist(), least_light(sensor).tolist(), strict=True
             )
         ],

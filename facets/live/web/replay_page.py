@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 #: Time between two checks whether the page is to end, ms.
 END_CHECK_INTERVAL_MS = 100
-#: Maximum number of events that a page is told.
+#: Maximum number of events that are sent to a page.
 EVENTS = 150
 
 
 def events_of(recording: Path) -> list[tuple[float, str]]:
     """Return the newest recorded events of a run: each time on the host's clock, s, and words.
 
-    Moves of the stage are left out; a line that is torn is passed over.
+    Moves of the stage and torn lines are excluded.
     """
     try:
         lines = (recording / "events.jsonl").read_text("utf-8", errors="replace").splitlines()

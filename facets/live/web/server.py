@@ -1,8 +1,7 @@
 """The process that serves the page: `python -m facets.live.web.server`.
 
-It subscribes to the run that has started it. It is a process of its own, less urgent than the run,
-and never waits for a page: each is sent what it has not been told, as soon as it has taken what it
-was sent before.
+It subscribes to the run that has started it. It is a separate process, less urgent than the run,
+and never waits for a page. Each page gets the next news as soon as it has taken the last.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from .hub import Hub, Page
 if TYPE_CHECKING:
     from aiohttp import web
 
-#: Maximum rate at which a page is told of news, 1/s.
+#: Maximum rate of the news to a page, 1/s.
 UPDATES_PER_S = 30
 #: A page that takes nothing for this time is given up, s; it comes back by itself if it can.
 STUCK_TIMEOUT_S = 15.0
@@ -47,8 +46,8 @@ TYPES = {
 def assets() -> dict[str, Path]:
     """Return the files that a browser may load, by their paths on the page."""
     paths = {}
-    here = Path(__file__).parent
-    folders = {"": here / "assets", "vendor/": here / "vendor"}
+    package = Path(__file__).parent
+    folders = {"": package / "assets", "vendor/": package / "vendor"}
     for prefix, folder in folders.items():
         for path in folder.rglob("*"):
             if path.suffix in TYPES:
@@ -122,7 +121,7 @@ class Server:
         )
 
     async def stream(self, request: web.Request) -> web.StreamResponse:
-        """Tells one page what is new, as fast as it takes it."""
+        """Send the news to one page, as fast as it takes them."""
         from aiohttp import web
 
         line = web.WebSocketResponse(compress=False, heartbeat=STUCK_TIMEOUT_S, max_msg_size=4096)
@@ -163,7 +162,7 @@ class Server:
 
 
 async def condense(hub: Hub, feed: RunFeed) -> None:
-    """Take in what comes, and let pages know, until nothing more comes."""
+    """Take in samples and statuses, and pass the news to the pages, until the run ends."""
     last_rate = -1.0
     while not feed.ended:
         rows, statuses = feed.take(MAX_ROWS_AT_ONCE)

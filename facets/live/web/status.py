@@ -1,6 +1,6 @@
-"""What a page says of a run beside its samples: counts, rates, the stage, what to doubt.
+"""The status of a run for its page, in addition to the samples: counts, clock, stage, messages.
 
-Each is a name, a value and a unit; a value that is not known is None, with the reason.
+Each count has a name, a value and a unit; an unknown value is None, with the reason.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def status_of(live: Live) -> dict[str, Any]:
-    """Return the status of a run that goes on."""
+    """Return the status of a run."""
     pipeline = live.pipeline
     return {
         **pipeline_status(pipeline, live.duration),
@@ -59,7 +59,7 @@ def pipeline_status(pipeline: Pipeline, seconds: float) -> dict[str, Any]:
 
 
 def events(pipeline: Pipeline) -> dict[str, int]:
-    """What is told when it becomes more."""
+    """Return the counts that are reported as events when they increase."""
     flags = {name: count for name, count in pipeline.tally.flags.items() if count}
     return {
         "samples lost": pipeline.sequence.lost,
@@ -70,25 +70,25 @@ def events(pipeline: Pipeline) -> dict[str, int]:
 
 
 def clock(pipeline: Pipeline) -> list[Item]:
-    known = pipeline.host_time
-    slowness = "ppm slow" if known.ppm > 0 else "ppm fast"
-    why, sigma = "too few samples have arrived yet", 1e6 * known.uncertainty
-    items = [item("board's clock", abs(known.ppm), slowness, why)]
+    host_time = pipeline.host_time
+    slowness = "ppm slow" if host_time.ppm > 0 else "ppm fast"
+    why, sigma = "too few samples have arrived yet", 1e6 * host_time.uncertainty
+    items = [item("board's clock", abs(host_time.ppm), slowness, why)]
     if pipeline.config.acquire.timing == "arrival":
         why, sigma = "the times are those of arrival (acquire.timing)", float("nan")
     return [*items, item("u(time)", sigma, "µs", why)]
 
 
 def recording(live: Live) -> str:
-    known = live.values()
-    if "recording" not in known:
+    values = live.values()
+    if "recording" not in values:
         return "nothing is recorded (--no-record)"
-    lost = known["not_recorded_bytes"]
-    return f"recorded in {known['recording']}" + (f"; {lost} bytes are not" if lost else "")
+    lost = values["not_recorded_bytes"]
+    return f"recorded in {values['recording']}" + (f"; {lost} bytes are not" if lost else "")
 
 
 def stage(tracker: Tracker | None, newest: RunPoses | None) -> dict[str, Any]:
-    """Where the stage is, where it was sent, and what is left between; all in mm."""
+    """Return the stage's position, its target and the difference of both, in mm."""
     if tracker is None:
         return {"there": False, "why": "no stage is moved (--track moves one)"}
     envelope = tracker.envelope
