@@ -1,4 +1,4 @@
-"""`facets calibrate`: a rig's own parameters, from readings beside a reference."""
+"""`facets calibrate`: a rig's own parameters, from readings with reference poses."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ Dwells = Annotated[
     bool,
     typer.Option(
         "--dwells",
-        help="Average the readings over each interval in which the reference stands still.",
+        help="Average the readings over each interval in which the reference is at rest.",
     ),
 ]
 AcceptMisfit = Annotated[

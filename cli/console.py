@@ -39,14 +39,14 @@ def message(error: Exception) -> str:
 
 def load_config(name: str) -> Config:
     """Load a configuration; report which one is used if a shipped name is also that of a file."""
-    own = next((f for f in (Path(f"{name}.yaml"), Path(f"{name}.yml")) if f.is_file()), None)
+    local = next((f for f in (Path(f"{name}.yaml"), Path(f"{name}.yml")) if f.is_file()), None)
     if (
         name in configuration.shipped()
-        and own is not None
-        and not own.samefile(configuration.shipped()[name])
+        and local is not None
+        and not local.samefile(configuration.shipped()[name])
     ):
         print(
-            f"{name}: the shipped configuration is used, not ./{own}; give {own} to use the file",
+            f"{name}: the shipped configuration is used, not ./{local}; give {local} for the file",
             file=sys.stderr,
         )
     return facets.load(name)

@@ -11,6 +11,8 @@ import typer
 import facets
 from facets import config as configuration, files, live, noise_analysis, pictures
 from facets.core.names import POSE, STATE_COLUMNS
+from facets.core.plain_numbers import count_text
+from facets.core.units import write_micro
 
 from .console import FINDING, draw_extra, show_progress, show_table, wrap
 from .options import (
@@ -54,12 +56,12 @@ def noise(
     If the mirror moved or drifted, or if detectors were saturated or dark, the recording does not
     show the noise: the command says why, writes nothing and ends with exit status 1.
     """
-    given = facets.load(config) if config else None
-    playback = live.Playback(recording, given)
+    chosen = facets.load(config) if config else None
+    playback = live.Playback(recording, chosen)
     if write:
         require_yaml(write)
     paths = [folder / "noise.html", folder / "noise.csv"] if folder else []
-    sources = configuration.source_files(given) if given else [recording / "meta.yaml"]
+    sources = configuration.source_files(chosen) if chosen else [recording / "meta.yaml"]
     files.tables.refuse_to_overwrite([*paths, write] if write else paths, force, sources)
     columns, settings = solve_recording(playback), playback.config
     faults = noise_analysis.rest.reading_faults(columns, settings) if columns else []
@@ -111,7 +113,7 @@ def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | 
 def show_channels(report: NoiseReport) -> None:
     """Print a line for each channel."""
     print(
-        f"{report.samples} samples, {report.seconds:.4g} s at {report.rate:.6g} Hz, "
+        f"{count_text(report.samples, 'sample')}, {report.seconds:.4g} s at {report.rate:.6g} Hz, "
         f"{report.missing} missing"
     )
     for channel in report.channels:
@@ -122,18 +124,18 @@ def show_channels(report: NoiseReport) -> None:
             for line in model.lines[:3]
         )
         print(
-            f"  {channel.name:<12} {model.standard_deviation:8.3g} {channel.unit:<4} (configured "
-            f"{channel.configured:.3g})  white {model.white_deviation:.3g}  drift "
+            f"  {channel.name:<12} {model.standard_deviation:8.3g} {write_micro(channel.unit):<4} "
+            f"(configured {channel.configured:.3g})  white {model.white_deviation:.3g}  drift "
             f"{model.drift.value:.2g}/s  spikes {model.spikes}{lines}"
         )
     show_pose_noise(report)
     if report.noise_pairs:
         first, other, size = report.noise_pairs[0]
         print(wrap(
-            f"- The noises of detectors go together (correlation {size:.2g} of {first} and "
-            f"{other}, {len(report.noise_pairs)} pairs in all), as by a supply or a reference "
-            "voltage that they share, or a mirror that vibrates. `solve` takes them as "
-            "independent, unless `calibrate` found what they share; the poses above have all of it."
+            f"- The noises of detectors are correlated ({size:.2g} between {first} and {other}, "
+            f"{count_text(len(report.noise_pairs), 'pair')} in all), as by a common supply or "
+            "reference voltage, or a mirror that vibrates. `solve` treats them as independent, "
+            "unless `calibrate` found their common part; the noise of the poses above includes it."
         ))  # fmt: skip
     if not report.faults:
         print(

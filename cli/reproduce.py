@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from facets import core, files
+from facets.core.plain_numbers import count_text
 
 from .console import FINDING
 from .options import Force, Look, Quick, Style, completion, folder_option
@@ -43,23 +44,24 @@ def reproduce(
     from facets.experiments.report import write_report
     from facets.experiments.reproduce import reproduce as run, select_experiments
 
-    wanted = select_experiments(names or [])
-    if "uniqueness" in wanted:
+    selected = select_experiments(names or [])
+    if "uniqueness" in selected:
         core.extras.require_extra("flint", "uniqueness")
     report = folder / "report.html"
     files.tables.refuse_to_overwrite([report], force)
-    files.tables.refuse_to_overwrite([folder / f"{name}.csv" for name in wanted], force=True)
+    files.tables.refuse_to_overwrite([folder / f"{name}.csv" for name in selected], force=True)
     print(f"{'':11}  {'':4}  {'paper':>9}  {'ours':>9}  {'ratio':>7}")
     results = []
     with files.tables.ResultSet():
-        for result in run(wanted, quick, folder):
+        for result in run(selected, quick, folder):
             show(result)
             results.append(result)
         write_report(report, results, quick)
     missed = [result.name for result in results if not result.repeats]
     seconds = sum(result.seconds for result in results)
-    told = f"changed: {', '.join(missed)}" if missed else "all repeat the stored references"
-    print(f"\n{len(results)} experiments in {seconds:.1f} s; {told}\n{report}")
+    outcome = f"changed: {', '.join(missed)}" if missed else "all repeat the stored references"
+    count = count_text(len(results), "experiment")
+    print(f"\n{count} in {seconds:.1f} s; {outcome}\n{report}")
     if missed:
         raise typer.Exit(FINDING)
 

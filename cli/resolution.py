@@ -60,9 +60,9 @@ def resolution(
         facets resolution paper
         facets resolution paper --coverage 0.95 --trials 100000
 
-    Prints standard uncertainties (1 sigma): at rest; at the worst pose of each axis's own symmetric
-    range, with the other axes at rest; and at the worst pose anywhere in the box that `range-map`
-    prints, all axes at once. Both are searched. They are computed for the paper's inversion
+    Prints standard uncertainties (1 sigma) at rest and at two worst poses, which are searched. One
+    lies in each axis's own symmetric range, with the other axes at rest; the other, in the box that
+    `range-map` prints, all axes at once. They are computed for the paper's inversion
     and for the least-squares solver with the beam's position free, known within
     `solve.beam_sigma_um`, and known exactly. Writes a table, a picture of the noise budget at
     rest and a record of the run into the folder. --coverage adds expanded uncertainties. With an
@@ -99,11 +99,11 @@ def resolution(
         stated = estimation.uncertainty.describe_coverage(settings.sensor, coverage)
         report_coverage(stated)
     propagated = request.run(states)
-    with results.publish(settings, more=stated) as (table, picture, _, *beside):
+    with results.publish(settings, more=stated) as (table, picture, _, *trial_paths):
         columns = characterization.tables.resolution_columns(resolutions, densities, coverage)
         results.write_table(table, columns)
         draw_extra(picture, pictures.resolution.budget_picture, resolutions)
-        request.write(beside, propagated)
+        request.write(trial_paths, propagated)
         entries = {"tracking": track, "estimators": [row.how.name for row in resolutions]}
         results.write_record(entries | request.record(propagated), seed if trials else None)
     results.name()

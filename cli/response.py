@@ -10,6 +10,7 @@ import typer
 
 from facets import core, pictures, responses
 from facets.core.errors import InputError
+from facets.core.plain_numbers import times_text
 
 from .console import FINDING, draw_extra
 from .options import (
@@ -142,10 +143,10 @@ def response(
     Averages the spectra of overlapping segments (Welch, Hann window) and gives for each axis of the
     point of interest the responses H1 and H2 to the input, the coherence and the random error. The
     picture also shows what the sensor's noise alone would give, and its bandwidth. Of several
-    inputs, gives for each the responses, the partial coherence without what goes with the others,
-    and the multiple coherence with all of them. Segments that a gap or a missing pose cuts are left
-    out. The command says what limits the result, and why. Exit status 1 if no axis answers to an
-    input.
+    inputs, gives for each the responses, the partial coherence, with the contributions of the other
+    inputs removed, and the multiple coherence with all of them. Segments that a gap or a missing
+    pose cuts are excluded. The command reports what limits the result, and why. Exit status 1 if no
+    axis responds to an input.
     """
     channels = input_channels(inputs, input_dof or [])
     chosen = responses.forms.FORMS[form.value]
@@ -181,7 +182,7 @@ def response(
             responses.universal_file.write_universal_file(uff, every, output_node, results.about)
     for n, (signals, receptance) in enumerate(estimates):
         if signals.others.size:
-            print(f"{inputs[n]}, without what goes with the other inputs:")
+            print(f"{inputs[n]}, with the other inputs' contributions removed:")
         show_response(signals, receptance, chosen, units[n], body.text, bandwidth)
     results.name()
     if uff is not None:
@@ -202,7 +203,8 @@ def input_channels(inputs: list[str], places: list[str]) -> list[InputChannel]:
     universal = responses.universal_file
     if places and len(places) != len(inputs):
         raise InputError(
-            f"--input-dof is given {len(places)} times and --input {len(inputs)} times; give one "
+            f"--input-dof is given {times_text(len(places))} and --input "
+            f"{times_text(len(inputs))}; give one "
             "--input-dof for each --input, in the same order, or none"
         )
     dofs = [universal.read_input_dof(place) for place in places] or [(0, 0)] * len(inputs)

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 class ResultFolder:
     """The results of a command in a folder, whose places are checked at once, before any work.
 
-    names: of the files in the folder.  sources: files that must not be overwritten.  beside: files
-    in other places, which are checked with them.
+    names: names of the files in the folder.  sources: files that must not be overwritten.  others:
+    files in other places, which are checked, too.
     """
 
     def __init__(
@@ -27,11 +27,11 @@ class ResultFolder:
         names: Sequence[str],
         force: bool,
         sources: Sequence[Path | None] = (),
-        beside: Sequence[Path] = (),
+        others: Sequence[Path] = (),
     ) -> None:
         self.start = time.perf_counter()
         self.folder, self.paths = folder, [folder / name for name in names]
-        files.whole.refuse_to_overwrite([*self.paths, *beside], force, sources)
+        files.whole.refuse_to_overwrite([*self.paths, *others], force, sources)
 
     @property
     def seconds(self) -> float:
@@ -42,7 +42,7 @@ class ResultFolder:
     def publish(
         self, settings: Config, seed: int | None = None, more: Mapping[str, str] | None = None
     ) -> Iterator[list[Path]]:
-        """Context in which the files are written, which get their names together at its end.
+        """Context in which the files are written; they get their names together at its end.
 
         Yields their paths.  more: entries for the heads of the tables besides the provenance.
         """
@@ -56,7 +56,7 @@ class ResultFolder:
         files.tables.write_table(path, columns, self.about | entry)
 
     def write_record(self, entries: dict[str, Any], seed: int | None = None) -> None:
-        """Write last the record of the run, with its duration, and what the folder holds."""
+        """Write the record of the run, with its duration, and the description of the folder."""
         seed = self.seed if seed is None else seed
         seconds = self.seconds
         record = files.provenance.run_record(self.settings, seed, seconds, entries)
@@ -65,7 +65,7 @@ class ResultFolder:
         files.write_crate(self.folder, self.paths, about, seconds)
 
     def name(self) -> None:
-        """Print the last line of a command: the files that it wrote."""
+        """Print the last line of a command, which lists the files that it wrote."""
         name_files(self.folder, self.paths)
 
 

@@ -42,24 +42,24 @@ Dwells = Annotated[
     bool,
     typer.Option(
         "--dwells",
-        help="Average the readings over each interval in which the reference stands still: each "
-        "is a stop; both tables have the same stops in the same order.",
+        help="Average the readings over each interval in which the reference is at rest: each "
+        "interval is a stop; both tables have the same stops in the same order.",
     ),
 ]
-BeamUm = Annotated[float, prior_option("the beam's motion in x and in y since then, um", 1e4)]
+BeamUm = Annotated[float, prior_option("the beam's motion in x and in y since then, µm", 1e4)]
 PowerPercent = Annotated[float, prior_option("the change of the laser's power since then, %", 100)]
 GainPercent = Annotated[
     float, prior_option("the change of each detector's gain since then, %", 100)
 ]
 PostUm = Annotated[
-    float, prior_option("the change of the height of each detector's post since then, um", 1e4)
+    float, prior_option("the change of the height of each detector's post since then, µm", 1e4)
 ]
 WidthPercent = Annotated[float, prior_option("the change of the beam's diameter since then, %", 10)]
 StopUm = Annotated[
-    float, prior_option("the mirror's position at the stop now relative to then, um", 1e4)
+    float, prior_option("the mirror's position at the stop now relative to then, µm", 1e4)
 ]
 StopUrad = Annotated[
-    float, prior_option("the mirror's angles at the stop now relative to then, urad", 1e6)
+    float, prior_option("the mirror's angles at the stop now relative to then, µrad", 1e6)
 ]
 
 
@@ -82,14 +82,14 @@ def rezero(
 
         facets rezero calibrated.yaml stop-then.csv stop-now.csv
 
-    The mirror stands at the same stop as at the time of the calibration; no reference instrument is
-    needed. From the change of the mean readings the command estimates by how much the beam moved,
-    and by how much its width, the laser's power, the three detectors' gains and the heights of
-    their posts changed. It writes a small configuration that extends CONFIG and has the new
+    The mirror is at the same stop as at the time of the calibration; no reference instrument is
+    needed. From the change of the mean readings the command estimates the motion of the beam and
+    the changes of its width, the laser's power, the detectors' gains and the heights of their
+    posts. It writes a small configuration that extends CONFIG and has the new
     covariance of all parameters. If these changes do not explain the readings, or a motion of the
-    mirror explains them better than chance does, the command says so, writes nothing and ends with
-    exit status 1. A CONFIG whose zero was renewed already, and a THEN that was recorded after NOW,
-    are refused.
+    mirror explains them better than chance does, the command reports this, writes nothing and ends
+    with exit status 1. A CONFIG whose zero was renewed already, and a THEN that was recorded after
+    NOW, are refused.
     """
     settings = load_config(config)
     path = output or Path(f"{settings.name}-rezeroed.yaml")
@@ -113,7 +113,7 @@ def rezero(
 
 
 def read_stops(settings: Config, source: Path, dwells: bool) -> StopReadings:
-    """The mean readings of a recording, of a table, or of the stands in a table."""
+    """The mean readings of a recording, of a table, or of the dwells in a table."""
     if not source.is_dir():
         return calibration.rezero.read_stops(source, settings, dwells)
     if dwells:

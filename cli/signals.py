@@ -15,7 +15,7 @@ from types import FrameType
 from typing import Any
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
-#: What typer makes of a `KeyboardInterrupt`.
+#: The exit status that typer gives after a `KeyboardInterrupt`.
 INTERRUPTED = 130
 _caught: list[int] = []
 
@@ -46,9 +46,9 @@ def status_of(code: Any) -> Any:
 
 def interrupt(number: int, _: FrameType | None) -> None:
     """End the work at the first signal; while it ends, only ^C can interrupt again."""
-    again = bool(_caught)
+    is_first = not _caught
     _caught.append(number)
-    if not again or number == signal.SIGINT:
+    if is_first or number == signal.SIGINT:
         raise KeyboardInterrupt
 
 

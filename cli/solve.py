@@ -125,8 +125,8 @@ def solve(
         facets solve paper readings.csv
         facets solve calibrated.yaml readings.parquet --beam known -o poses.parquet
 
-    Writes one row for each row of READINGS: the pose with its standard uncertainties (mm, mrad; um,
-    urad) and a status. A row that cannot be solved gets a status and no pose. If READINGS has the
+    Writes one row for each row of READINGS: the pose with its standard uncertainties (mm, mrad)
+    and a status. A row that cannot be solved gets a status and no pose. If READINGS has the
     columns bx_mm and by_mm, they are the beam's measured position for --beam known and prior. With
     an object in the configuration or --point, each row also has the pose of that object
     (object_tx_mm and so on), and with --zero its displacement (displacement_tx_mm and so on).
@@ -135,8 +135,8 @@ def solve(
     """
     settings = choose_point(load_config(config), point)
     request = zero_of(zero)
-    given = {"beam": beam, "power": power, "method": method, "start": start}
-    chosen = {key: word.value for key, word in given.items() if word is not None}
+    words = {"beam": beam, "power": power, "method": method, "start": start}
+    chosen = {key: word.value for key, word in words.items() if word is not None}
     options = replace(settings.solve, **chosen)  # type: ignore[arg-type]
     if accept_unchecked:
         options = replace(options, accept_unchecked=True)
@@ -165,7 +165,7 @@ def solve(
 
 
 def report(measurement: estimation.Measurement, lines: list[int], output: Path) -> None:
-    """Print what became of the rows.  lines: the first that are not numbers."""
+    """Print the statuses of the rows.  lines: numbers of the first lines that are not numbers."""
     tally = measurement.tally
     print(f"{tally.solved_count} of {tally.statuses.total()} rows solved: {output}")
     for status, number in tally.statuses.items():

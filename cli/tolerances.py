@@ -1,4 +1,4 @@
-"""`facets tolerances`: the share of heads that meet the requirements, by tolerance."""
+"""`facets tolerances`: the yield of heads that meet the requirements, by tolerance."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ def tolerances(
 
         facets tolerances market --heads 500
 
-    The yield is the share of manufactured heads that meet the requirements: spots on the detectors,
-    light, and the limits and accuracies of the block `optimize` over its volume, before and after a
-    calibration. The heads' parameters vary with the standard uncertainties in `calibrate.before`.
-    The yield is predicted by an expansion in the tolerances and counted on simulated heads. Writes
-    a table of the tolerances and a table of the heads into the folder.
+    The yield is the fraction of manufactured heads that meet the requirements: spots on the
+    detectors, light, and the limits and accuracies of the block `optimize` over its volume, before
+    and after a calibration. The heads' parameters vary with the standard uncertainties in
+    `calibrate.before`. The yield is predicted by an expansion in the tolerances and counted on
+    simulated heads. Writes a table of the tolerances and a table of the heads into the folder.
     """
     if heads < LEAST_HEADS:
         raise InputError(f"--heads is {heads}; give at least {LEAST_HEADS}")
@@ -79,9 +79,9 @@ def sensitivity_columns(settings: Config, yields: Yields) -> dict[str, Any]:
         "stated": np.array([np.nan, *(before[row.key] for row in rows)]),
     }
     for kind in kinds_of(settings, yields):
-        whole = getattr(yields.predicted, kind)
+        unchanged = getattr(yields.predicted, kind)
         for case in ("alone", "halved"):
-            values = [whole, *(getattr(getattr(row, case), kind) for row in rows)]
+            values = [unchanged, *(getattr(getattr(row, case), kind) for row in rows)]
             columns[f"{kind}_{case}_percent"] = 100 * np.array(values)
     return columns | {"eats_most_of": np.array(["", *(row.worst.replace(",", "") for row in rows)])}
 

@@ -85,9 +85,9 @@ def write_results(settings: Config, verdict: Verdict, paths: CalibrationFiles) -
                 file=sys.stderr,
             )
             raise typer.Exit(FINDING) from None
-        beside = [(source, path.with_name(source.name)) for source in bent.values()]
+        grids = [(source, path.with_name(source.name)) for source in bent.values()]
         with files.tables.ResultSet():
-            for source, target in ((matrix, covariance), *beside, (trial, path)):
+            for source, target in ((matrix, covariance), *grids, (trial, path)):
                 with files.tables.Whole(target) as temporary:
                     copyfile(source, temporary)
             files.tables.write_table(
@@ -132,12 +132,12 @@ def write_covariance(path: Path, sensor: Sensor, about: dict[str, str]) -> None:
     files.tables.write_table(path, configuration.covariance.columns(sensor.calibration), about)
 
 
-def write_grids(settings: Config, beside: Path, fit: Fit, about: dict[str, str]) -> dict[str, Path]:
+def write_grids(settings: Config, path: Path, fit: Fit, about: dict[str, str]) -> dict[str, Path]:
     """Write tables of detectors with corrections beyond third order, by letter."""
     written = {}
     for letter, old, new in zip(DETECTORS, settings.sensor.psds, fit.sensor.psds, strict=True):
         if new.correction.grid is not None and new.correction.grid != old.correction.grid:
-            written[letter] = beside.with_name(f"{beside.stem}-detector-{letter}.csv")
+            written[letter] = path.with_name(f"{path.stem}-detector-{letter}.csv")
             files.tables.write_table(
                 written[letter], configuration.grid.columns(new.correction.grid), about
             )
@@ -171,9 +171,9 @@ def write_proposal(settings: Config, path: Path, count: int, force: bool) -> Non
     proposal = calibration.motions.propose_poses(settings, poses, count)
     files.tables.write_table(path, proposal.columns, files.provenance.provenance_header(settings))
     different = len(set(zip(*(proposal.columns[name] for name in STATE_COLUMNS[:6]), strict=True)))
-    again = f" ({different} different ones; what tells most is visited again)"
+    repeated = f" ({different} different ones; the most informative are visited again)"
     text = (
-        f"Wrote {count} poses to {path}{again * (different < count)}. A calibration with them "
+        f"Wrote {count} poses to {path}{repeated * (different < count)}. A calibration with them "
         f"reduces the parameters' standard uncertainties to {100 * proposal.reduction:.3g} % of "
         f"their prior values (geometric mean); {count} random poses, to "
         f"{100 * proposal.random_reduction:.3g} %. Visiting them in this order shortens the path "

@@ -37,10 +37,14 @@ def prove(claim: Claim, work: int, file: Path, about: dict[str, str]) -> dict[st
 
 
 def certify_box(claim: Claim, work: int) -> Certificate:
-    sensor, share = claim.settings.sensor, claim.least_share
     with show_progress("proving") as on_progress:
         return proof.uniqueness.certify(
-            sensor, claim.box, share, claim.deviations, work, lambda done: on_progress(done, 1.0)
+            claim.settings.sensor,
+            claim.box,
+            claim.least_share,
+            claim.deviations,
+            work,
+            lambda fraction: on_progress(fraction, 1.0),
         )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from facets import characterization, config as configuration, core, design, files, pictures
+from facets.core.plain_numbers import count_text
 
 from ..console import FINDING, draw_extra, show_progress, show_table, skip_picture
 from ..options import require_yaml
@@ -26,7 +27,7 @@ PILOT = 10_000
 
 @dataclass(frozen=True)
 class Exploration:
-    """The explored space, and its results; picture: the kind of picture."""
+    """The explored space and the places of its results.  picture: format of the picture."""
 
     settings: Config
     space: Space
@@ -99,16 +100,18 @@ def follow_front(job: Exploration, points: int) -> None:
             pareto = design.exploration.front.pareto_front(space, points, space.seed, on_progress)
         seconds = time.perf_counter() - begin
         if not len(pareto.designs):
-            print("no design meets all requirements, as far as the search can tell")
+            print("The search found no design that meets all requirements.")
             raise typer.Exit(FINDING)
         table = design.exploration.front.columns(pareto)
         files.tables.write_table(paths[0], table, job.header)
         headings, rows = design.exploration.front.some_rows(pareto)
-        title = f"{len(pareto.designs)} points on the front, {seconds:.1f} s; some of them"
+        points_text = count_text(len(pareto.designs), "point")
+        title = f"{points_text} on the front, {seconds:.1f} s; some of them"
         show_table(title, headings, rows, left_columns=(len(headings) - 1,))
         if pareto.left_out:
             print(
-                f"{pareto.left_out} more are left out: measured again, they are not what was found"
+                f"{count_text(pareto.left_out, 'more point')} excluded: an exact evaluation gave "
+                "other values"
             )
         cloud = design.exploration.runs.collect_older(space, job.folder)
         present = show_own_measures(space)
@@ -119,7 +122,7 @@ def follow_front(job: Exploration, points: int) -> None:
 
 
 def show_own_measures(space: Space) -> dict[str, float]:
-    """Print the measures of the unchanged sensor in one line, and return them."""
+    """Print the measures of the unchanged sensor in one line; return them."""
     _, values, why = design.exploration.gallery.present_design(space)
     present = dict(zip(design.exploration.space.MEASURES, values.tolist(), strict=True))
     shown = ", ".join(f"{name} {present[name]:.4g}" for name in space.objectives)

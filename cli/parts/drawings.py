@@ -1,4 +1,4 @@
-"""What `facets render` draws: pictures, pages and scenes of a state, films of a motion."""
+"""Drawings of `facets render`: pictures, pages and scenes of a state, films of a motion."""
 
 from __future__ import annotations
 

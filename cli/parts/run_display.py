@@ -1,4 +1,4 @@
-"""What `facets acquire` shows of a run: a screen, or lines of text or JSON."""
+"""The display of a run by `facets acquire`: a screen, or lines of text or JSON."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ def display(state: live.Live, plain: bool, json: bool) -> Iterator[Show]:
             with suppress(OSError):  # the terminal may be gone
                 screen.stop()
         return
-    interval_s, last, known = 0.125 if json else 1.0, state.clock(), 0
+    interval_s, last, shown = 0.125 if json else 1.0, state.clock(), 0
 
     def print_line(now: live.Live) -> None:
         """Print a line at each interval, and at once when a message appears or ends."""
-        nonlocal last, known
+        nonlocal last, shown
         count = len(now.messages())
-        if count != known or state.clock() - last >= interval_s:
-            last, known = state.clock(), count
+        if count != shown or state.clock() - last >= interval_s:
+            last, shown = state.clock(), count
             print(live.json_line(now) if json else live.plain_line(now))
 
     yield print_line

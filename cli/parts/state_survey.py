@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from facets import characterization, pictures
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
+from facets.core.plain_numbers import count_text
 
 from ..console import draw_extra, skip_picture, track
 
@@ -36,7 +37,8 @@ def draw_survey(picture: Path, survey: Survey, pair: AmbiguousPair | None) -> No
 
 
 def report(settings: Config, domain: StateBox, survey: Survey, seconds: float) -> None:
-    print(f"{settings.name}: {survey.states} states sampled in {seconds:.2f} s from the box")
+    states = count_text(survey.states, "state")
+    print(f"{settings.name}: {states} sampled in {seconds:.2f} s from the box")
     for name, unit, low, high in zip(
         characterization.state_box.COLUMNS,
         characterization.state_box.UNITS,
@@ -53,8 +55,8 @@ def report(settings: Config, domain: StateBox, survey: Survey, seconds: float) -
     )
     if survey.saturated:
         print(
-            f"  {survey.saturated} states saturate a detector, so that the sensor reads nothing "
-            "there;\n  they are counted all the same, and --box takes a smaller box"
+            f"  {count_text(survey.saturated, 'state')} saturate a detector, so that the sensor "
+            "has no reading there;\n  they are counted nevertheless; --box takes a smaller box"
         )
     print(f"  from {survey.low[0]:.4g} to {survey.high[0]:.4g} (mm, mW, rad)")
     print(
@@ -87,14 +89,15 @@ def search_and_report(sensor: Sensor, domain: StateBox, survey: Survey, seed: in
     weakest = characterization.singularity.search_weakest(sensor, domain, seed)
     show_weakest("weakest state found by a search", sensor, weakest)
     if survey.one_sign:
-        share = weakest.values[1] / survey.weakest.values[1]
-        print(f"the search finds a singular value of {share:.3g} times the sample's smallest")
+        ratio = weakest.values[1] / survey.weakest.values[1]
+        print(f"the search finds a singular value of {ratio:.3g} times the sample's smallest")
     elif not survey.has_one_sign_in_light:
         print("the determinant has both signs in the box, so it is zero at some states")
     else:
         print(
-            f"nothing can be said of the whole box: {100 * survey.dark / survey.states:.3g} % of "
-            "its states leave a detector without a reading"
+            "the survey allows no statement on the box, because "
+            f"{100 * survey.dark / survey.states:.3g} % of its states leave a detector without a "
+            "reading"
         )
     return weakest.state
 

@@ -1,4 +1,4 @@
-"""The trials of `facets resolution`: propagation of distributions beside the linear result."""
+"""The trials of `facets resolution`: propagation of distributions, to test the linear result."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ PosesTable = Annotated[
 
 
 class TrialRequest(NamedTuple):
-    """What --trials asks for; nothing with 0 trials."""
+    """The trials that --trials requests; none for 0."""
 
     settings: Config
     rules: Rules
@@ -124,7 +124,7 @@ class TrialRequest(NamedTuple):
                 explain_failures(self.settings.sensor, result.state, result.trials.failures)
             print()
         if any(result.is_stated and any(result.validate()[1]) for result in results.values()):
-            report_lines("Where a ? stands, it may be one digit more: more trials decide.")
+            report_lines("A ? marks results that may agree to one digit more: more trials decide.")
         return results
 
     def record(self, results: dict[str, PropagationResult]) -> dict[str, Any]:
@@ -162,10 +162,10 @@ def show(where: str, result: PropagationResult) -> None:
         cells = [ends, agreement] if result.is_stated else ["-"] * 2
         linear_end = f"±{unit.fine_factor * expanded[i]:.4g}"
         rows.append([f"{name} {unit.fine_unit}", linear_end, *cells])
-    share = f"{100 * result.probability:g} %"
+    percent = f"{100 * result.probability:g} %"
     headings = ["", "linear", "trials", "linear agrees to"]
     whose = "of the object's displacement " if linear.is_displacement else ""
-    title = f"{share} coverage intervals {whose}{where}, {result.count:,} trials"
+    title = f"{percent} coverage intervals {whose}{where}, {result.count:,} trials"
     show_table(title, headings, rows)
     if result.is_stated:
         report_lines(
@@ -179,7 +179,7 @@ def show(where: str, result: PropagationResult) -> None:
             f"Trials without a pose: {reasons}. The intervals hold for measurements with a pose."
             if result.is_stated
             else f"Trials without a pose: {reasons}. These are more than the coverage probability "
-            "leaves, so that no interval is stated."
+            "allows, so that no interval is stated."
         )
     if result.far:
         report_lines(
@@ -189,7 +189,7 @@ def show(where: str, result: PropagationResult) -> None:
 
 
 def explain_failures(sensor: Sensor, state: Floats, statuses: Collection[str]) -> None:
-    """Say why most trials at a state have no pose, unless the statuses do."""
+    """Explain why most trials at a state have no pose, unless the statuses do."""
     full = characterization.trials.saturated_detectors(sensor, state)
     for letter in full:
         report_lines(
@@ -202,6 +202,6 @@ def explain_failures(sensor: Sensor, state: Floats, statuses: Collection[str]) -
 
 
 def describe(digits: int, undecided: bool) -> str:
-    """To how many digits the linear result agrees, in words; with ? where chance covers more."""
+    """The number of digits to which the linear result agrees, with ? where it may be one more."""
     words = ("not to one digit", "1 digit", "2 digits")[digits]
     return f"{words}?" if undecided else words

@@ -1,4 +1,4 @@
-"""The files of `facets rezero`: where a zero comes from, and the configuration with it."""
+"""The files of `facets rezero`: the provenance of a zero, and the configuration with it."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 
 def trace_origin(settings: Config, then: Path, now: Path) -> dict[str, str]:
-    """Describe the readings that the new zero comes from, for its provenance.
+    """Describe the readings from which the new zero follows, for its provenance.
 
     Raises `InputError` for a zero that was renewed already, which would be corrected twice, and for
-    recordings in the wrong order, which would turn all signs.
+    recordings in the wrong order, which would reverse all signs.
     """
-    known = settings.resolved["sensor"]["calibration"]["file"]
-    older = files.tables.read_head(Path(known)) if known else {}
+    file = settings.resolved["sensor"]["calibration"]["file"]
+    older = files.tables.read_head(Path(file)) if file else {}
     if "zero_now" in older:
         raise InputError(
             f"{settings.path}: its zero was renewed already, from {older['zero_now']}; give the "
@@ -47,7 +47,7 @@ def trace_origin(settings: Config, then: Path, now: Path) -> dict[str, str]:
 
 
 def find_date(source: Path) -> datetime | None:
-    """When the readings of a recording or of a table were recorded, if they say it."""
+    """Date at which a recording or a table of readings was recorded, if it is stated."""
     is_table = not source.is_dir()
     head = files.tables.read_head(source) if is_table else live.recording.reader.meta_of(source)
     try:

@@ -1,4 +1,4 @@
-"""What commands print: texts, tables and pages of results."""
+"""The texts, tables and pages of results that commands print."""
 
 from typing import TYPE_CHECKING
 

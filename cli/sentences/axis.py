@@ -1,4 +1,4 @@
-"""What `facets axis` prints: the quantities of an axis, and notes on them."""
+"""The output of `facets axis`: the quantities of an axis, and notes on them."""
 
 from __future__ import annotations
 

@@ -25,8 +25,8 @@ def round_up(value: float | Fraction, digits: int = 3, per_unit: int = 1) -> str
 
 
 def round_bound(value: float | Fraction, towards: str, digits: int, per_unit: int) -> str:
-    """Round a number of a proven statement in one step. It prints all such numbers,
-    so that the printed number satisfies what is proved of the certificate's number."""
+    """Round a number of a proven statement in one step, so that the statement also holds for the
+    printed number."""
     if not isfinite(value):
         return f"{value:g}"
     exact = Fraction(value) * per_unit
@@ -35,16 +35,17 @@ def round_bound(value: float | Fraction, towards: str, digits: int, per_unit: in
     return f"{float(number):.{digits}g}"
 
 
-def light_text(share: float, largest_power: float) -> str:
+def light_text(fraction: float, largest_power: float) -> str:
     """Describe the least light of a set of states; largest_power: of the laser, mW.
 
-    The proof is about the share. The same light is a smaller share of a laser that is brighter than
-    `largest_power`, so the light in uW is stated with this power.
+    The proof is about the fraction of the laser's light. Of a laser that is brighter than
+    `largest_power` the same light is a smaller fraction, so the light in µW is stated with this
+    power.
     """
     power = nextafter(largest_power, inf)  # as a float 0.3 is a little less than 0.3
-    light = Fraction(share) * Fraction(power)
+    light = Fraction(fraction) * Fraction(power)
     return (
-        f"at least {round_up(share, 4, 100)} % of the light on each detector"
+        f"at least {round_up(fraction, 4, 100)} % of the light on each detector"
         f" ({round_up(light, 4, 1000)} µW of a laser of {round_down(power, 4)} mW or less)"
     )
 

@@ -1,4 +1,4 @@
-"""What `facets calibrate` prints: undetermined parameters, effects, results and checks."""
+"""The output of `facets calibrate`: undetermined parameters, effects, results and checks."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from facets import characterization, proof
 from facets.core.errors import InputError
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
+from facets.core.plain_numbers import count_text
 
 from .bounds import box_lines, light_text, piece_text, round_down
 
@@ -32,16 +33,17 @@ def describe_set(claim: Claim, certificate: Certificate) -> list[str]:
         "  The model is the one that poses are solved with: collimated light, flat facets, no\n"
         "  other light and nothing that cuts it. That every facet faces the beam and every\n"
         "  sub-beam meets its detector's plane is part of what is proved. The laser's power may\n"
-        "  be known or not, and the beam may stand anywhere."
+        "  be known or not, and the beam may be anywhere."
     )
     if claim.tolerances is not None:
         exact = ", ".join(claim.tolerances.exact) or "none"
-        left_out = ", ".join(claim.tolerances.left_out) or "none"
+        excluded = ", ".join(claim.tolerances.left_out) or "none"
         lines.append(
             f"  It holds for every sensor within the tolerances of {claim.tolerances.source};\n  "
-            f"taken as exact: {exact}\n  not allowed for: {left_out}"
+            f"taken as exact: {exact}\n  not allowed for: {excluded}"
         )
-    lines.append(f"  {len(certificate.pieces)} pieces proved, {certificate.seconds:.1f} s")
+    count = count_text(len(certificate.pieces), "piece")
+    lines.append(f"  {count} proved, {certificate.seconds:.1f} s")
     return lines
 
 
@@ -98,8 +100,8 @@ def prove_design(better: Config, work: int) -> str:
         box = places.range_box(sensor, rules)
     except InputError as error:
         return f"not proved that readings determine states: {error}"
-    share = places.least_share(sensor, rules)
-    certificate = proof.uniqueness.certify(sensor, box, share, pieces=work)
+    fraction = places.least_share(sensor, rules)
+    certificate = proof.uniqueness.certify(sensor, box, fraction, pieces=work)
     if not certificate.share:
         return f"not proved that readings determine states: {certificate.reason}"
     light = light_text(certificate.share, sensor.beam.power)

@@ -40,8 +40,8 @@ def write_gallery(
 
 
 BREAKING = (
-    "breaks a limit: the best layout stands at that limit, so that an error of this size to the\n"
-    "wrong side leaves what is asked for. optimize.production.yield_percent asks for a layout\n"
+    "breaks a limit: the best layout lies at that limit, so that an error of this size to the\n"
+    "wrong side violates a requirement. optimize.production.yield_percent asks for a layout\n"
     "with margins for its tolerances."
 )
 
@@ -72,12 +72,12 @@ def show_layout(
     """Print the layout; write its comparison as a table and as a picture; return the parts of its
     page and the table."""
     settings, sensor = layout.settings, layout.better.sensor
-    wanted = settings.layout
+    required = settings.layout
     table = design.results.verification.compare(
-        settings.sensor, sensor, wanted, settings.range, wanted.seed
+        settings.sensor, sensor, required, settings.range, required.seed
     )
     files.tables.write_table(
-        paths[0], table, files.provenance.provenance_header(settings, wanted.seed)
+        paths[0], table, files.provenance.provenance_header(settings, required.seed)
     )
     draw_extra(paths[1], pictures.layout.layout_picture, table)
     show_objectives(layout)
@@ -93,7 +93,7 @@ def show_layout(
     print(f"{proved}\n")
     built = []
     if heads:  # the settings of the configuration, and the optimised sensor
-        yields = yields_of(settings, sensor, heads, wanted.seed)
+        yields = yields_of(settings, sensor, heads, required.seed)
         show_yields(settings, yields)
         built = yield_sections(settings, yields)
     return table, sections_of(layout, changed, compared, reasons, built, proved)
@@ -123,14 +123,17 @@ def show_reasons(settings: Config, optimum: Optimum) -> list[list[str]]:
     more = design.optimisation.search.gains(optimum, settings.layout)
     if more:
         print("\nwhat more would give:")
-    given = [
+    improvements = [
         [what, design.results.tables.objective_text(settings.layout.aim, value)]
         for what, value in more.items()
     ]
-    for what, words in given:
+    for what, words in improvements:
         print(f"  {what}: {words}")
     print("")
-    return [*([group, f"holds it back, {size} of the strongest"] for size, group in active), *given]
+    return [
+        *([group, f"holds it back, {size} of the strongest"] for size, group in active),
+        *improvements,
+    ]
 
 
 def write_report(
@@ -190,25 +193,23 @@ def yield_sections(settings: Config, yields: Yields) -> list[ReportSection]:
 
 def requirement(settings: Config) -> list[list[str]]:
     """Rows that describe the requirements of the block `optimize`."""
-    asked = settings.resolved["optimize"]
-    aim = str(asked["aim"])
-    rows = [["aim", pictures.wording.AIMS.get(aim, aim)], ["beam", str(asked["beam"])]]
+    keys = settings.resolved["optimize"]
+    aim = str(keys["aim"])
+    rows = [["aim", pictures.wording.AIMS.get(aim, aim)], ["beam", str(keys["beam"])]]
     blocks = (("volume", "volume", "±"), ("unit", "uncertainty that counts as 1", ""),
               ("limit", "uncertainty at most", ""))  # fmt: skip
     for block, words, sign in blocks:
         values = [
-            pictures.wording.amount(key, value, sign)
-            for key, value in asked[block].items()
-            if value
+            pictures.wording.amount(key, value, sign) for key, value in keys[block].items() if value
         ]
         if values:
             rows.append([words, ", ".join(values)])
-    if asked["head_mm"]:
-        rows.append(["diameter of the head", f"at most {asked['head_mm']:g} mm"])
-    rows.append(["power on a detector", f"at least {asked['least_power_uw']:g} µW"])
+    if keys["head_mm"]:
+        rows.append(["diameter of the head", f"at most {keys['head_mm']:g} mm"])
+    rows.append(["power on a detector", f"at least {keys['least_power_uw']:g} µW"])
     bounds = [
         pictures.wording.between(key, *bounds)
-        for key, bounds in asked["variables"].items()
+        for key, bounds in keys["variables"].items()
         if bounds
     ]
     return [*rows, ["may vary", ", ".join(bounds)]]

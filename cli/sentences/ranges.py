@@ -1,10 +1,11 @@
-"""What `facets range-map` prints: the range of each axis, and a line for each outline."""
+"""The output of `facets range-map`: the range of each axis, and a line for each outline."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from facets import characterization, core
+from facets.core.plain_numbers import count_text
 
 from ..console import show_table
 from ..options.places import report_object
@@ -49,7 +50,7 @@ def report_outline(settings: Config, rules: Rules, boundary: Boundary, grid: int
     outlines, sensor = characterization.outlines, settings.sensor
     states = outlines.states_inside(rules, boundary)
     right = outlines.count_correct_solutions(sensor, states)
-    text = f"{' by '.join(sizes)}: {len(boundary.points)} points; "
+    text = f"{' by '.join(sizes)}: {count_text(len(boundary.points), 'point')}; "
     text += f"{right} of {len(states)} poses inside solved from zero"
     if grid:
         differ = outlines.count_grid_differences(sensor, rules, boundary, grid)

@@ -1,4 +1,4 @@
-"""What `facets response` prints of an estimate."""
+"""The output of `facets response`: an estimate, its peaks and its limits."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from facets import responses
 from facets.core.names import POSE
+from facets.core.plain_numbers import count_text
 
 from ..console import show_table
 
@@ -28,7 +29,8 @@ def show_response(
     peaks = findings.find_peaks(receptance)
     lines = estimate.frequency[estimate.is_excited]
     print(
-        f"{len(signals.stimulus)} rows at {estimate.rate:.6g} Hz: {estimate.segments} segments, "
+        f"{count_text(len(signals.stimulus), 'row')} at {estimate.rate:.6g} Hz: "
+        f"{count_text(estimate.segments, 'segment')}, "
         f"{estimate.averages:.3g} independent averages, a line every {estimate.resolution:.4g} Hz; "
         f"the input has power from {lines.min():.4g} to {lines.max():.4g} Hz"
     )

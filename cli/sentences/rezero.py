@@ -1,4 +1,4 @@
-"""What `facets rezero` prints: changes since a calibration, and whether they are explained."""
+"""The output of `facets rezero`: changes since a calibration, and whether they are explained."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ UNDETERMINED_FRACTION = 0.5
 SUSPICIOUS_CHANCE = 0.999
 
 
-#: The changes, in the order of `ChangePriors.sigmas`: name, unit, and the factor to it from
-#: mm or a share.
+#: The changes, in the order of `ChangePriors.sigmas`: name, unit, and the factor to the unit from
+#: mm or a fraction.
 ROWS = (
-    *((f"beam {axis}", "um", 1e3) for axis in "xy"),
+    *((f"beam {axis}", "µm", 1e3) for axis in "xy"),
     ("laser's power", "%", 100.0),
     *((f"gain of detector {letter.upper()}", "%", 100.0) for letter in DETECTORS),
-    *((f"post of detector {letter.upper()}", "um", 1e3) for letter in DETECTORS),
+    *((f"post of detector {letter.upper()}", "µm", 1e3) for letter in DETECTORS),
     ("beam's width", "%", 100.0),
 )
 
 
 def show_changes(settings: Config, zero: NewZero, priors: ChangePriors) -> None:
-    """Print the changes, and what a stop does not tell."""
+    """Print the changes, and which of them a stop does not determine."""
     print("Changes since the calibration, with standard uncertainties:")
     print(f"  {'':19} {'change':>9} {'u':>8} {'u before':>9}")
     weak = []
-    scales = priors.sigmas(1.0) / zero.prior  # of the power, to a share
+    scales = priors.sigmas(1.0) / zero.prior  # of the power, to a fraction
     numbers = zip(ROWS, scales, zero.change, zero.uncertainty, zero.prior, strict=True)
     for (name, unit, factor), scale, *values in numbers:
         change, u, before = (factor * scale * value for value in values)
@@ -47,9 +47,9 @@ def show_changes(settings: Config, zero: NewZero, priors: ChangePriors) -> None:
             weak.append(name)
     notes = [f"A stop hardly determines: {', '.join(weak)}."] if weak else []
     notes += [
-        f"The mirror is taken to stand at the stop again within {1e3 * priors.stop:g} um and "
-        f"{1e6 * priors.stop_angle:g} urad (--stop-um, --stop-urad). If it stands elsewhere, all "
-        "poses are off by as much; along z nothing in the readings shows that.",
+        f"The mirror is assumed to be at the stop again within {1e3 * priors.stop:g} µm and "
+        f"{1e6 * priors.stop_angle:g} µrad (--stop-um, --stop-urad). If it is elsewhere, all poses "
+        "are off by as much; along z nothing in the readings shows that.",
         f"Chi-square is {zero.chi_square:.3g} where {zero.freedom} is expected (probability of a "
         f"larger one: {zero.chance:.2g}; at least {calibration.rezero.LEAST_CHANCE:g} is needed).",
     ]
@@ -72,7 +72,7 @@ LARGE_CHANGE = 4.0
 
 
 def refuse(zero: NewZero) -> NoReturn:
-    """Say that the changes do not explain the readings; exit status 1."""
+    """Report that the changes do not explain the readings; exit status 1."""
     ratios = abs(zero.change / zero.prior)
     worst = int(ratios.argmax())
     several = [alternative for alternative, _ in zero.causes]

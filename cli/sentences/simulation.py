@@ -1,10 +1,11 @@
-"""What `facets simulate` prints: the errors of a motion by axis, and the outcome of its samples."""
+"""The output of `facets simulate`: errors of a motion by axis, and the outcome of its samples."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from facets import core, simulation
+from facets.core.plain_numbers import count_text
 
 from ..console import show_table
 
@@ -37,14 +38,14 @@ def print_errors(title: str, axes: list[AxisErrors]) -> None:
 def outcome(segment: Segment) -> str:
     """Samples by status, detectors that read nothing, and the largest cross-axis error."""
     counts = ", ".join(
-        f"{count} {label}" for label, count in simulation.run.statuses(segment).items()
+        f"{count:,} {label}" for label, count in simulation.run.statuses(segment).items()
     )
-    text = f"  {len(segment.time)} samples: {counts}"
-    lost = {"the spot fell beside it": ~segment.reached, "it was saturated": segment.saturated}
+    text = f"  {count_text(len(segment.time), 'sample')}: {counts}"
+    lost = {"the spot missed it": ~segment.reached, "it was saturated": segment.saturated}
     for why, which in lost.items():
         for letter, count in zip("ABC", which.sum(axis=0), strict=True):
             if count:
-                text += f"\n  {count} samples without PSD {letter}: {why}"
+                text += f"\n  {count_text(count, 'sample')} without PSD {letter}: {why}"
     still = [
         axis
         for axis in simulation.run.axes(segment)

@@ -1,4 +1,4 @@
-"""A design's yield: its computation, and its rows in tables."""
+"""A design's yield: its computation, and its tables."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def show_yields(settings: Config, yields: Yields) -> None:
 
 
 def exact_tolerances(yields: Yields) -> str:
-    """State which tolerances the heads do not have; "" if they have all."""
+    """State which tolerances do not vary from head to head; "" if all do."""
     varied, words = [row.key for row in yields.by_tolerance], design.tolerances.prediction.OF_HEADS
     exact = [key + words[key] for key in words if key not in varied]
     if not exact:
@@ -81,20 +81,20 @@ def exact_tolerances(yields: Yields) -> str:
     )
 
 
-#: Below this share of heads a design is said to leave too little margin.
-FEW = 0.5
+#: A yield below this value means that a design has too little margin.
+LOW_YIELD = 0.5
 
 
 def margin_advice(settings: Config, yields: Yields) -> str:
     """Advice for a design with a low yield; "" for a higher yield or without tolerances."""
-    share = design.tolerances.heads.count_passes(yields.heads)["within_limits"] / yields.count
-    if share >= FEW or not yields.by_tolerance:
+    fraction = design.tolerances.heads.count_passes(yields.heads)["within_limits"] / yields.count
+    if fraction >= LOW_YIELD or not yields.by_tolerance:
         return ""
     strongest = yields.by_tolerance[0]
     words = (
-        f"Only {percent(share)} of the heads keep spots, light and limits: the design leaves too "
+        f"Only {percent(fraction)} of the heads keep spots, light and limits: the design has too "
         f"little margin, most of all for {strongest.key} ({strongest.worst}). The best layout for "
-        "perfect heads stands at its limits"
+        "perfect heads lies at its limits"
     )
     if settings.layout.production:
         return f"{words}; choose smaller tolerances in calibrate.before, or weaker requirements."
@@ -126,26 +126,26 @@ def yield_rows(settings: Config, yields: Yields) -> Rows:
     return ["heads that keep", "predicted", "simulated", "95 % interval"], rows
 
 
-def percent(share: float) -> str:
-    return f"{100 * share:.1f} %"
+def percent(fraction: float) -> str:
+    return f"{100 * fraction:.1f} %"
 
 
 def error_rows(settings: Config, yields: Yields) -> Rows:
     import numpy as np
 
-    whole = yields.heads.within_limits >= 0
-    some = yields.heads.errors[whole] if whole.any() else yields.heads.errors
+    passing = yields.heads.within_limits >= 0
+    some = yields.heads.errors[passing] if passing.any() else yields.heads.errors
     rows = []
     for i, name in enumerate(POSE):
         allowed = settings.layout.accuracy[i]
         values = []
         for which in range(2):
             column = some[:, which, i]
-            known = column[np.isfinite(column)]
-            values.append(f"{np.percentile(known, 95):.3g}" if len(known) else "")
-        asked = f"{allowed:g}" if np.isfinite(allowed) else ""
-        rows.append([f"{name}, {core.units.unit_of(name).fine_unit}", asked, *values])
-    return ["axis", "asked", "as built", "calibrated"], rows
+            finite = column[np.isfinite(column)]
+            values.append(f"{np.percentile(finite, 95):.3g}" if len(finite) else "")
+        required = f"{allowed:g}" if np.isfinite(allowed) else ""
+        rows.append([f"{name}, {core.units.unit_of(name).fine_unit}", required, *values])
+    return ["axis", "required", "as built", "calibrated"], rows
 
 
 def last_kind(settings: Config, yields: Yields) -> str:

@@ -57,4 +57,4 @@ def test_of_a_box_that_is_mostly_dark_no_sign_is_claimed(tmp_path):
     done = command("jacobian", "paper", "--box", "tx_mm=2000", "--states", "2000", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "both signs" not in done.stdout
-    assert "nothing can be said of the whole box: " in done.stdout
+    assert "the survey allows no statement on the box, because " in done.stdout

@@ -64,7 +64,7 @@ def test_a_recording_gives_the_responses_at_the_point_of_interest(run, tmp_path)
     status, out, err = run("response", "rec", "--input", "force_n", "--point", "0,0,100",
                            "--resolution-hz", "1", "--uff", "body.uff")  # fmt: skip
     assert (status, err) == (0, "")
-    assert "11500 rows at 1000 Hz: " in out
+    assert "11,500 rows at 1000 Hz: " in out
     assert "segments were left out, because gaps cut them: 500 samples were lost or not" in out
     assert "point 0, 0, 100 mm" in out
     assert "results/rec-response/: response.csv, response.png\nbody.uff" in out
@@ -151,7 +151,7 @@ def test_each_of_two_inputs_has_its_response_in_the_form_asked_for(run, tmp_path
     )
     status, out, err = run(*words, *more, "-d", "out")
     assert (status, err) == (0, "")
-    assert "pull_n, without what goes with the other inputs:" in out
+    assert "pull_n, with the other inputs' contributions removed:" in out
     for name, size in (("push_n", 1e-5), ("pull_n", 2e-5)):
         table = pd.read_csv(f"out/response-{name}.csv", comment="#")
         h1 = np.hypot(table["h1_tz_real_m_s2"], table["h1_tz_imag_m_s2"])

@@ -69,7 +69,7 @@ def test_known_noise_is_found_and_the_configuration_takes_it(record, tmp_path):
 @pytest.mark.slow
 def test_noise_that_detectors_share_is_told(record):
     _, out, _ = record(stream(shared=CENTROID))()
-    assert "The noises of detectors go together (correlation 0.5" in out
+    assert "The noises of detectors are correlated (0.5" in out
     assert "3 pairs in all" in out
 
 
