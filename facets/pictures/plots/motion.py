@@ -1,4 +1,4 @@
-"""The picture of a simulated motion: true and estimated poses, and the error in a strip below."""
+"""The picture of a simulated motion: true and estimated poses, with their errors below."""
 
 from __future__ import annotations
 
@@ -19,76 +19,79 @@ if TYPE_CHECKING:
 
     from ...simulation.run import Segment
 
-#: Relative heights of a panel and of the strip of its error below.
-SHARES = (1.45, 1.0)
+#: Relative heights of the panels of an axis and of its error.
+HEIGHTS = (1.45, 1.0)
 #: Dash and gap of the line at twice the standard uncertainty, points.
 DASHES = (0, (4, 2))
-#: Number of columns of a panel into which many samples are gathered.
+#: Number of columns in a panel, each of which shows many samples as a band.
 COLUMNS = 160
 
 
 def motion_picture(segments: Sequence[Segment]) -> Figure:
-    """Draw six axes: shifts left, angles right; one motion after the other, all equally wide."""
+    """Draw six axes, shifts on the left and angles on the right, with errors on common scales.
+
+    Several motions follow one another and have equal widths.
+    """
     clock, count = Clock(segments), max(12, COLUMNS // len(segments))
     with style.style_context():
         picture = style.figure(style.FULL, 7.8)
-        cells, panels = picture.add_gridspec(3, 2), []
+        panels: Any = picture.subplots(6, 2, sharex=True, height_ratios=3 * HEIGHTS)
         for n, name in enumerate(POSE):
             column, row = divmod(n, 3)
-            inner = cells[row, column].subgridspec(2, 1, height_ratios=SHARES, hspace=0.0)
-            pair: Any = inner.subplots(sharex=True)
-            place, error = pair
+            place, error = panels[2 * row : 2 * row + 2, column]
+            if row:
+                error.sharey(panels[1, column])
             draw_places(place, clock, segments, name, count)
             draw_errors(error, clock, segments, name, count)
-            clock.mark(place, error, lowest=row == 2)
-            panels += [place, error]
-        picture.align_ylabels(panels[:6])
-        picture.align_ylabels(panels[6:])
+            for panel in (place, error):
+                clock.mark(panel)
+                panel.locator_params(axis="y", nbins=4)
+        for panel in panels[-1]:
+            panel.set_xlabel(clock.label)
+        picture.align_ylabels()
         words = clock.words
         if any(len(time) > count for time in clock.times):
-            words += "; bands from the least to the largest of neighbouring samples, "
+            words += "; bands from the minimum to the maximum of neighbouring samples, "
             words += "lines at their median"
-        made = style.panels_legend(picture, panels, 4)
-        made.set_title(fill(words, 84), {"size": style.LEAST})
-        made.get_title().set_color(chosen_hues().soft)
+        legend = style.panels_legend(picture, panels.ravel(), 4)
+        legend.set_title(fill(words, 84), {"size": style.LEAST})
+        legend.get_title().set_color(chosen_hues().soft)
     return picture
 
 
 class Clock:
-    """The samples' places on the time axis: times of one motion, or unit lengths for several."""
+    """The time axis: seconds of one motion, or unit lengths of several ones."""
 
     def __init__(self, segments: Sequence[Segment]) -> None:
         self.names = [segment.name for segment in segments]
         self.seconds = [float(np.ptp(s.time)) + step_of(s.time) for s in segments]
-        self.alone = len(segments) == 1
+        self.is_single = len(segments) == 1
+        self.label = "time, s" if self.is_single else ""
         self.times = [
             segment.time - segment.time[0]
-            if self.alone
+            if self.is_single
             else n + 0.04 + 0.92 * (segment.time - segment.time[0]) / seconds
             for n, (segment, seconds) in enumerate(zip(segments, self.seconds, strict=True))
         ]
 
-    def mark(self, place: Axes, error: Axes, lowest: bool) -> None:
-        place.tick_params(labelbottom=False)
-        error.tick_params(labelbottom=lowest)
-        if self.alone:
+    def mark(self, panel: Axes) -> None:
+        """Set the limits and ticks of a panel's time axis."""
+        if self.is_single:
             reach = self.seconds[0]
-            error.set_xlim(-0.03 * reach, 1.03 * reach)
-            error.set_xlabel("time, s" if lowest else "")
+            panel.set_xlim(-0.03 * reach, 1.03 * reach)
             return
         count = len(self.names)
-        for panel in (place, error):
-            panel.grid(visible=False, axis="x")
-            for n in range(1, count):
-                panel.axvline(n, color=chosen_hues().grey, lw=0.7, zorder=0)
-        error.set_xlim(0, count)
-        error.set_xticks(np.arange(count) + 0.5, [str(n + 1) for n in range(count)])
-        error.tick_params(axis="x", length=0)
+        panel.grid(visible=False, axis="x")
+        for n in range(1, count):
+            panel.axvline(n, color=chosen_hues().grey, lw=0.7, zorder=0)
+        panel.set_xlim(0, count)
+        panel.set_xticks(np.arange(count) + 0.5, [str(n + 1) for n in range(count)])
+        panel.tick_params(axis="x", length=0)
 
     @property
     def words(self) -> str:
-        """Name the motions for the legend."""
-        if self.alone:
+        """Names of the motions for the legend."""
+        if self.is_single:
             return self.names[0]
         named = [
             f"{n} {name} ({seconds:.3g} s)"
@@ -104,7 +107,7 @@ def step_of(time: Floats) -> float:
 def draw_places(
     panel: Axes, clock: Clock, segments: Sequence[Segment], name: str, count: int
 ) -> None:  # fmt: skip
-    """Draw the truth as a broad line, and the estimate thin upon it, so that both are visible."""
+    """Draw the truth as a broad line and the estimate as a thin one on it."""
     hues, n = chosen_hues(), POSE.index(name)
     moved = any(np.ptp(segment.truth[:, n]) > 0 for segment in segments)
     unit = unit_of(name)
@@ -115,7 +118,7 @@ def draw_places(
                    solid_capstyle="butt", label="truth", **width)  # fmt: skip
         draw_samples(panel, time, factor * segment.solution.state[:, n], name, count)
         lost = time[~segment.solution.converged]
-        if len(lost):  # along the foot of the panel
+        if len(lost):  # along the lower edge of the panel
             panel.plot(lost, np.full(len(lost), 0.03), "|", ms=5, color=hues.alarm, clip_on=False,
                        transform=panel.get_xaxis_transform(), label="not solved")  # fmt: skip
     panel.set_ylabel(style.place_label(name) if moved else style.fine_label(name))
@@ -123,7 +126,7 @@ def draw_places(
 
 
 def draw_samples(panel: Axes, time: Floats, values: Floats, name: str, count: int) -> None:
-    """Draw few samples as marks; many as the band from least to largest, with their median."""
+    """Draw few samples as marks, and many as a band from minimum to maximum with the median."""
     hue, words = chosen_hues().axes[name], "estimate, error"
     if len(time) <= count:
         size = 6 if len(time) < 10 else 3
