@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.extras import require_extra
-from ...core.hues import chosen_hues
 from ...core.sensor import Sensor
 from .head_drawing import drawing
+from .report_page import adaptive_hues
 from .wording import label, limit_in_words, lines_of
 
 #: Number of columns for which the plots have room.
@@ -75,7 +75,7 @@ def page(
     content = json.dumps(data, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
     for mark, value in (
         ("NAME", html.escape(name)), ("OBJECTIVES", html.escape(", ".join(goals))),
-        ("SUMMARY", html.escape(summary)), ("HUES", chosen_hues().css),
+        ("SUMMARY", html.escape(summary)), ("HUES", adaptive_hues()),
     ):  # fmt: skip
         text = text.replace(mark, value)
     before, after = text.split("PLOTLY", 1)

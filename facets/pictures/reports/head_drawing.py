@@ -7,7 +7,6 @@ from math import cos, degrees, hypot, sin, tan
 
 import numpy as np
 
-from ...core.hues import chosen_hues
 from ...core.names import DETECTORS
 from ...core.sensor import Sensor
 from ...core.units import Floats
@@ -16,6 +15,8 @@ from .wording import typeset
 
 #: Size of each of the two views, in units of the picture, and the margin around it.
 SIZE, EDGE = 300.0, 46.0
+#: Colours, as custom properties of the page that shows the drawing.
+INK, GREY, SOFT, RULE = (f"var(--{name})" for name in ("ink", "grey", "soft", "rule"))
 FONT = "font-family='sans-serif' font-size='11'"
 
 
@@ -49,7 +50,7 @@ def line(
 
 def text(x: float, y: float, words: str, anchor: str = "middle", colour: str = "") -> str:
     place = f"x='{x:.1f}' y='{y:.1f}' text-anchor='{anchor}'"
-    return f"<text {place} {FONT} fill='{colour or chosen_hues().ink}'>{typeset(words)}</text>"
+    return f"<text {place} {FONT} fill='{colour or INK}'>{typeset(words)}</text>"
 
 
 def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: float) -> list[str]:
@@ -59,21 +60,20 @@ def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: f
     def pixel_of(place: Floats) -> tuple[float, float]:
         return middle + scale * float(place[0]), middle - scale * float(place[1])
 
-    hues = chosen_hues()
     radius = float(np.hypot(centres[:, 0], centres[:, 1]).max())
     parts = [
         f"<circle cx='{middle}' cy='{middle}' r='{scale * radius:.2f}' fill='none' "
-        f"stroke='{hues.grey}' stroke-dasharray='4 3'/>"
+        f"stroke='{GREY}' stroke-dasharray='4 3'/>"
     ]
     for k, psd in enumerate(sensor.psds):
         reach = sides[k, 0] * psd.size_y / 2
-        hue = hues.detectors[DETECTORS[k]]
+        hue = f"var(--{DETECTORS[k]})"
         parts.append(line((middle, middle), pixel_of(spots[k]), hue, 1))
         parts.append(line(pixel_of(centres[k] - reach), pixel_of(centres[k] + reach), hue, 4))
         out = centres[k] * (1 + 17 / (scale * hypot(*centres[k, :2])))
         x, y = pixel_of(out)
         parts.append(text(x, y + 4, f"{DETECTORS[k].upper()} {degrees(psd.azimuth):.4g}\u00b0"))
-    parts.append(f"<circle cx='{middle}' cy='{middle}' r='3' fill='{hues.ink}'/>")
+    parts.append(f"<circle cx='{middle}' cy='{middle}' r='3' fill='{INK}'/>")
     beam = sensor.beam
     width = f"{beam.diameter_x:.4g}" + (
         "" if beam.diameter_x == beam.diameter_y else f" x {beam.diameter_y:.4g}"
@@ -84,33 +84,33 @@ def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: f
 
 def section(sensor: Sensor, centres: Floats, spots: Floats, scale: float) -> list[str]:
     """Draw each detector's own half plane through the axis, outward to the right and z up."""
-    left, middle, hues = SIZE + EDGE, SIZE / 2, chosen_hues()
-    parts = [line((left, 14), (left, middle), hues.ink, 1.4)]
-    parts.append(text(left + 6, 22, "beam", "start"))
-    told: set[tuple[float, ...]] = set()
+    axis, middle = SIZE + EDGE, SIZE / 2
+    parts = [line((axis, 14), (axis, middle), INK, 1.4)]
+    parts.append(text(axis + 6, 22, "beam", "start"))
+    drawn: set[tuple[float, ...]] = set()
     different = len({(p.radius, p.height, p.pitch, p.size_z) for p in sensor.psds}) > 1
     for k, (facet, psd) in enumerate(zip(sensor.facets, sensor.psds, strict=True)):
         r, z = hypot(*centres[k, :2]), float(centres[k, 2])
         what = (round(r, 3), round(z, 3), round(psd.pitch, 5), round(facet.inclination, 5))
-        if what in told:
+        if what in drawn:
             continue
-        told.add(what)
-        hue = hues.detectors[DETECTORS[k]] if different else hues.soft
+        drawn.add(what)
+        hue = f"var(--{DETECTORS[k]})" if different else SOFT
         along = 34.0
-        end = (left + along * cos(facet.inclination), middle + along * sin(facet.inclination))
-        parts.append(line((left, middle), end, hues.ink, 2))
-        spot = (left + scale * hypot(*spots[k, :2]), middle - scale * float(spots[k, 2]))
-        parts.append(line((left, middle), spot, hue, 1))
+        end = (axis + along * cos(facet.inclination), middle + along * sin(facet.inclination))
+        parts.append(line((axis, middle), end, INK, 2))
+        spot = (axis + scale * hypot(*spots[k, :2]), middle - scale * float(spots[k, 2]))
+        parts.append(line((axis, middle), spot, hue, 1))
         lean = tan(psd.pitch)
         half = scale * psd.size_z / 2 / hypot(1, lean)
-        x, y = left + scale * r, middle - scale * z
+        x, y = axis + scale * r, middle - scale * z
         parts.append(line((x - half * lean, y + half), (x + half * lean, y - half), hue, 4))
         name = DETECTORS[k].upper() if different else "each"
         words = [f"{name}: R {r:.5g} mm", f"height {z:.5g} mm", f"pitch {1e3 * psd.pitch:.4g} mrad",
                  f"area {psd.size_y:.4g} x {psd.size_z:.4g} mm",
                  f"facet at {degrees(facet.inclination):.4g}\u00b0"]  # fmt: skip
-        top = 40 + 70 * (len(told) - 1)
-        right = left + SIZE - EDGE
+        top = 40 + 70 * (len(drawn) - 1)
+        right = axis + SIZE - EDGE
         parts += [text(right, top + 13 * n, word, "end") for n, word in enumerate(words)]
-    parts.append(line((left, middle), (left + SIZE - EDGE, middle), hues.rule, 0.8, "4 3"))
+    parts.append(line((axis, middle), (axis + SIZE - EDGE, middle), RULE, 0.8, "4 3"))
     return parts

@@ -53,10 +53,8 @@ def report(
     text = files(__package__).joinpath("report_page.html").read_text("utf-8")
     places = Environment(autoescape=True)
     places.filters["typeset"] = typeset
-    hues = chosen_hues().css
-    if not any(section.drawing for section in sections):
-        hues += f"@media screen and (prefers-color-scheme:dark){{{DARK.css}}}"
-        hues += f"@media print{{{LIGHT.css}}}"
+    has_drawing = any(section.drawing for section in sections)
+    hues = chosen_hues().css if has_drawing else adaptive_hues()
     return places.from_string(text).render(
         title=title,
         summary=summary,
@@ -65,6 +63,14 @@ def report(
         warning=warning,
         sheet=re.sub(r"[^\w .,/·-]", " ", sheet),
         hues=hues,
+    )
+
+
+def adaptive_hues() -> str:
+    """Return the colours of a page that follows its reader's choice of light or dark."""
+    return (
+        f"{chosen_hues().css}@media screen and (prefers-color-scheme:dark){{{DARK.css}}}"
+        f"@media print{{{LIGHT.css}}}"
     )
 
 
