@@ -1,8 +1,8 @@
-"""Derivatives of the readings, carried along through the text of the readings (`scalars.dual`).
+"""Derivatives of the readings by forward differentiation of their formulas (`scalars.dual`).
 
-Under real light these derivatives are exact. The text of the light on a facet takes plain numbers;
-its derivatives are closed formulas (`light_with_slope`). An iteration can use a faster Jacobian,
-which neglects changes of the edges' effects (`linearise_nearly`).
+Under real light these derivatives are exact. Only the light on a facet is not differentiated in
+this way, because it has closed derivatives (`light_with_slope`). An iteration can use a faster
+Jacobian, which neglects changes of the edges' effects (`linearise_nearly`).
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from .wedge import Moments, Pair, closed_moments, turn_derivative
 #: A number's derivatives by the eight components of a state.
 Row = tuple[Any, ...]
 
-#: With less light than this on a facet, the change of its covariance is lost to rounding and set to
-#: zero.
+#: Fraction of the beam's light on a facet below which rounding hides the change of the light's
+#: covariance, which is then set to zero.
 DIM = 0.01
 
 
 def side_with_slope(q: Plane, u: Plane, side: Side) -> Side:
-    """One of `wedge.sides` with the derivatives that q and u carry.
+    """One of the integrals of `wedge.sides`, with the derivatives that q and u carry.
 
     With a = q.u and h = q x u: dL = -f da - h L dh, dK = -L da - h K dh, dJ = -2 K da - h J dh.
     """
@@ -58,31 +58,31 @@ def side_with_slope(q: Plane, u: Plane, side: Side) -> Side:
 
 
 def angle_slope(u: Plane) -> Number:
-    """The angle by which a unit vector that carries a derivative turns."""
+    """The rate at which a unit vector that carries a derivative turns, rad."""
     return u[0].real * u[1].imag - u[1].real * u[0].imag
 
 
 def moments_with_slope(
     q: Plane, pair: Pair, integrals: tuple[Side, Side], moments: Moments
 ) -> Moments:
-    """One of `wedge.wedges` with the derivatives that q and the pair carry.
+    """The moments of one of `wedge.wedges`, with the derivatives that q and the pair carry.
 
-    integrals, moments: plain.
+    integrals, moments: their values, without derivatives.
     """
     mass, (cx, cy), (pxx, pxy, pyy), _ = moments
     of_mass, of_x, of_y = wedge_slopes(q, pair[:2], integrals, moments)
-    whole, x, y = Dual(mass, of_mass), Dual(cx, of_x), Dual(cy, of_y)
-    of_xx, of_xy, of_yy = covariance_slope(q, pair, whole)
+    light_mass, x, y = Dual(mass, of_mass), Dual(cx, of_x), Dual(cy, of_y)
+    of_xx, of_xy, of_yy = covariance_slope(q, pair, light_mass)
     shift = Dual(pxx, of_xx), Dual(pxy, of_xy), Dual(pyy, of_yy)
-    return whole, (x, y), shift, (x - q[0], y - q[1])
+    return light_mass, (x, y), shift, (x - q[0], y - q[1])
 
 
 def wedge_slopes(
     q: Plane, sides: tuple[Plane, Plane], integrals: tuple[Side, Side], moments: Moments
 ) -> Three:
-    """The derivatives of a wedge's mass and centroid, by what q and the sides carry.
+    """The derivatives of a wedge's mass and centroid, by the variables of q and the sides.
 
-    integrals, moments: plain.
+    integrals, moments: without derivatives.
     """
     mass, (cx, cy), (pxx, pxy, pyy), from_point = moments
     (u1, u2), (real1, real2) = sides, integrals
@@ -96,18 +96,18 @@ def wedge_slopes(
     )
 
 
-def covariance_slope(q: Plane, pair: Pair, whole: Number) -> Three:
-    """The change of one less the light's covariance, as xx, xy, yy; 0 where there is less light
-    than DIM."""
-    lit, some = whole.real > DIM, Dual(maximum(whole.real, DIM), whole.imag)
+def covariance_slope(q: Plane, pair: Pair, mass: Number) -> Three:
+    """The derivative of one minus the light's covariance, as xx, xy, yy; 0 where the mass of the
+    light is below DIM."""
+    lit, some = mass.real > DIM, Dual(maximum(mass.real, DIM), mass.imag)
     xx, xy, yy = (each.imag for each in closed_moments(q, *pair, some)[2])
     return select(lit, xx, 0.0), select(lit, xy, 0.0), select(lit, yy, 0.0)
 
 
 def light_with_slope(to: Scene, at: Scene) -> Scene:
-    """The scene `to`, whose numbers carry derivatives, with its light.
+    """Add the light to the scene `to`, whose numbers carry derivatives.
 
-    at: the scene of the same state with plain numbers and its light.
+    at: the scene of the same state with its light, without derivatives.
     """
     q, (u0, u1, u2), (r0, r1, r2) = to.q, to.sides, at.integrals
     s0, s1, s2 = side_with_slope(q, u0, r0), side_with_slope(q, u1, r1), side_with_slope(q, u2, r2)
@@ -120,9 +120,9 @@ def light_with_slope(to: Scene, at: Scene) -> Scene:
 def reading_slopes(
     geometry: Geometry, state: tuple[Any, ...], at: Scene
 ) -> tuple[Three, Three, Three]:
-    """The readings' derivatives by the variables of which geometry or state carry derivatives.
+    """The readings' derivatives by the variables by which geometry or state carry derivatives.
 
-    at: the plain scene with its light, from `bench_light.scene`.
+    at: the scene with its light from `bench_light.scene`, without derivatives.
     """
     a, b, c = scene_readings(
         geometry, light_with_slope(apparent_scene(geometry, dark_scene(geometry, state)), at)
@@ -133,7 +133,10 @@ def reading_slopes(
 def ideal_slopes(
     geometry: Geometry, state: tuple[Any, ...], at: Scene
 ) -> tuple[Three, Three, Three]:
-    """`reading_slopes` under ideal light.  at: the plain scene, from `forward.scene`."""
+    """The derivatives of `reading_slopes` under ideal light.
+
+    at: the scene from `forward.scene`, without derivatives.
+    """
     a, b, c = ideal_readings(geometry, light_with_slope(dark_scene(geometry, state), at))
     return slopes_of_detector(a), slopes_of_detector(b), slopes_of_detector(c)
 
@@ -149,8 +152,8 @@ def slopes_of_detector(values: Three) -> Three:
 def linearise(
     geometry: Geometry, state: tuple[Any, ...]
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """Readings and Jacobian at a state, for detectors A, B and C, as `gradient.linearise`; for
-    floats, and other numbers that NumPy's arrays may hold."""
+    """Readings and Jacobian at a state, for detectors A, B and C, in the form of
+    `gradient.linearise`; for floats, and other numbers that NumPy's arrays may hold."""
     at = scene(geometry, state)
     each = tuple(Dual(number, seed) for number, seed in zip(state, np.eye(len(state)), strict=True))
     a, b, c = zip(scene_readings(geometry, at), reading_slopes(geometry, each, at), strict=True)
@@ -162,9 +165,9 @@ def linearise_nearly(
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
     """Exact readings, and a Jacobian that neglects changes of the edges' effects.
 
-    For steps of an iteration and for uncertainties, some ten times faster than `linearise`: exact
-    for a curved wavefront, and accurate to some per cent where spots are near the edge of a
-    detector.
+    It is for the steps of an iteration and for uncertainties, and some ten times faster than
+    `linearise`. It is exact for a curved wavefront, and accurate to some per cent where spots are
+    near the edge of a detector.
     """
     at = scene(geometry, state)
     back = back_projection(geometry, at)
@@ -184,8 +187,8 @@ def linearise_nearly(
 def apparent_axes(
     geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any]
 ) -> tuple[Vector, Vector]:
-    """The matrix that converts a small step of the apex to the step of q, in sigmas, and an edge to
-    its direction as the light sees it."""
+    """The rows of the matrix that converts a small step of the apex to the step of q, in sigmas,
+    and an edge to its direction as seen from the light's source."""
     bent = apply(geometry.light.bend, at.q)
     x = combine(1, geometry.whitening[0], -bent[0], geometry.direction)
     y = combine(1, geometry.whitening[1], -bent[1], geometry.direction)
@@ -195,12 +198,12 @@ def apparent_axes(
 def approximate_rows(
     facet: LitFacet, whitening: tuple[Vector, Vector], turns: Three, axes: Matrix, values: Three
 ) -> Three:
-    """The derivatives of a detector's readings by the state, the edges' effects held.
+    """The derivatives of a detector's readings by the state, with constant effects of the edges.
 
     whitening: from `apparent_axes`.  turns, axes: as for `state_row`.  values: the readings.
 
-    They are those under a beam whose rays are all parallel to the ray of the centroid. Along that
-    ray, rays that spread shift as parallel rays that lie farther apart by their spread on the way.
+    They are the derivatives under a beam whose rays are all parallel to the ray of the centroid.
+    Diverging rays land as parallel rays do that are further apart, by the divergence over the path.
     """
     geometry, light = facet.geometry, facet.geometry.light
     background = light.background[facet.k]
@@ -247,28 +250,31 @@ def add_background_to_rows(
     values: (psi, zeta, power) including the background light.  other: power and place of the
     background.
     """
-    whole = values[2]
-    share = 1 / whole
-    kept = (whole - other[0]) * share
-    draws = other[0] * share / (whole - other[0])
+    inverse = 1 / values[2]
+    fraction = (values[2] - other[0]) * inverse
+    pull = other[0] * inverse / (values[2] - other[0])
     return (
-        add_background_to_row(of_psi, of_power, kept, (values[0] - other[1]) * draws),
-        add_background_to_row(of_zeta, of_power, kept, (values[1] - other[2]) * draws),
+        add_background_to_row(of_psi, of_power, fraction, (values[0] - other[1]) * pull),
+        add_background_to_row(of_zeta, of_power, fraction, (values[1] - other[2]) * pull),
         of_power,
     )
 
 
-def add_background_to_row(of_place: Row, of_power: Row, kept: Number, lever: Number) -> Row:
-    """kept: the spot's share of the power.  lever: change of the place per power of the spot."""
+def add_background_to_row(of_place: Row, of_power: Row, fraction: Number, lever: Number) -> Row:
+    """Scale the derivatives of a place, and add those by the spot's power.
+
+    fraction: of the detected power in the spot.  lever: derivative of the place by the spot's
+    power, mm/mW.
+    """
     a, b, c, d, e, f, g, h = of_place
     p, q, r, s, t, u, v, w = of_power
     return (
-        kept * a + lever * p,
-        kept * b + lever * q,
-        kept * c + lever * r,
-        kept * d + lever * s,
-        kept * e + lever * t,
-        kept * f + lever * u,
-        kept * g + lever * v,
-        kept * h + lever * w,
+        fraction * a + lever * p,
+        fraction * b + lever * q,
+        fraction * c + lever * r,
+        fraction * d + lever * s,
+        fraction * e + lever * t,
+        fraction * f + lever * u,
+        fraction * g + lever * v,
+        fraction * h + lever * w,
     )

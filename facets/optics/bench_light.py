@@ -1,9 +1,9 @@
 """Readings under real light, for any number type whose `moments` a scene holds.
 
-The wavefront may be curved (`curved_light`) and the profile not Gaussian (`profile`); the mirror's
-edges diffract, roll off or reflect nothing, and its tip is worn (`edge_light`); a coating reflects
-by incidence; background light is added. Where the losses exceed the light, or the effects are too
-large for first order, the readings are NaN.
+The wavefront may be curved (`curved_light`) and the profile not Gaussian (`profile`). The mirror's
+edges diffract, roll off or reflect nothing, and its tip is worn (`edge_light`). The reflectance of
+a coating depends on the angle of incidence, and background light is added. Readings are NaN where
+the losses exceed the light, or the effects are too large for a first-order treatment.
 """
 
 from __future__ import annotations
@@ -36,30 +36,33 @@ from .vectors import Plane, Vector, add, combine, cross, dot
 
 
 def reflectance(geometry: Geometry, normal: Vector, direction: Vector) -> Number:
-    """The reflectance of a facet, relative to that of unpolarised light at 45 degrees; by
-    Fresnel."""
-    light, options, whole = geometry.light, geometry.light.options, direction[0] * 0 + 1
+    """The reflectance of a facet by Fresnel's equations, relative to the reflectance of unpolarised
+    light at 45 degrees."""
+    light, options, unit = geometry.light, geometry.light.options, direction[0] * 0 + 1
     if not holds_anywhere(options.coated):
-        return whole
+        return unit
     s, p = reflectances(light.coating, -dot(direction, normal))
     mean = (s + p) / light.plain
     if not holds_anywhere(options.polarised):
-        return select(options.coated, mean, whole)
+        return select(options.coated, mean, unit)
     across = cross(direction, normal)
     amplitude = dot(across, light.field)
-    share = amplitude * amplitude / dot(across, across)
-    polarised = 2 * (share * s + (1 - share) * p) / light.plain
-    return select(options.coated, select(options.polarised, polarised, mean), whole)
+    fraction = amplitude * amplitude / dot(across, across)
+    polarised = 2 * (fraction * s + (1 - fraction) * p) / light.plain
+    return select(options.coated, select(options.polarised, polarised, mean), unit)
 
 
 def add_background(spot: Plane, power: Number, other: Three) -> Three:
-    """The reading (psi, zeta, power) of a spot and background light of given power and place."""
-    whole = power + other[0]
-    inverse = 1 / whole
+    """The reading (psi, zeta, power) of a spot together with background light.
+
+    other: power (mW) and place (mm) of the background light.
+    """
+    total = power + other[0]
+    inverse = 1 / total
     return (
         (spot[0] * power + other[0] * other[1]) * inverse,
         (spot[1] * power + other[0] * other[2]) * inverse,
-        whole,
+        total,
     )
 
 
@@ -69,8 +72,8 @@ def reading(facet: LitFacet, back: tuple[Any, Any, Any, Any], steps: Three) -> T
     back: from `back_projection`.  steps: from `edge_step`, for each of the mirror's edges.
 
     NaN as in `forward.reading`, and where the edges' diffraction would take half of the light or
-    more: `edge_light` is of first order in that share, and there gives a plausible place far inside
-    of the detector for a spot on its edge.
+    more. `edge_light` is of first order in that fraction, and would give a plausible place far
+    inside the detector for a spot on the detector's edge.
     """
     geometry, light = facet.geometry, facet.geometry.light
     image = detector_image(facet)
@@ -92,17 +95,17 @@ def reading(facet: LitFacet, back: tuple[Any, Any, Any, Any], steps: Three) -> T
     total = add_apex_loss(spot, streaks, back, total)
     rest = mass - total.lost
     rest = nan_unless_positive(rest, rest - total.lost, mass - FAINT, ray.facing)
-    share = 1 / rest
-    place = centre[0] + total.moment[0] * share, centre[1] + total.moment[1] * share
+    inverse = 1 / rest
+    place = centre[0] + total.moment[0] * inverse, centre[1] + total.moment[1] * inverse
     bend = combine(centroid[0], light.fan[0], centroid[1], light.fan[1])
     direction = add(geometry.direction, bend)
     power = geometry.power * rest * reflectance(geometry, facet.normal, direction)
-    psi, zeta, whole = add_background(place, power, light.background[facet.k])
+    psi, zeta, detected = add_background(place, power, light.background[facet.k])
     incidence = -dot(direction, facet.normal)
     return (
         nan_unless_positive(psi, incidence, ray.facing, image.path),
         nan_unless_positive(zeta, incidence, ray.facing, image.path),
-        nan_unless_positive(whole, incidence, ray.facing, image.path),
+        nan_unless_positive(detected, incidence, ray.facing, image.path),
     )
 
 
@@ -121,6 +124,7 @@ def scene_readings(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
 
 
 def scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
+    """The scene at a state with its light, as seen from the light's source."""
     return illuminate(apparent_scene(geometry, dark_scene(geometry, state)))
 
 

@@ -1,12 +1,13 @@
-"""The light along a side near the beam's centre, as polynomials: no branch, no loop.
+"""The light along a side near the beam's centre, as polynomials without branches or loops.
 
-The integrals of `wedge.sides` without library functions, by a series of fixed length. With
-A = a^2, H = h^2 and r^2 = A + H = |q|^2, the mass that a side sweeps over is
+The integrals of `wedge.sides` are computed by a series of fixed length, without library functions.
+With A = a^2, H = h^2 and r^2 = A + H = |q|^2, the mass that a side sweeps over is
 
     erf(h / sqrt 2) / 4 - a h / 4 pi  int_0^1 D((H + A u^2) / 2) du,   D(z) = (1 - exp(-z)) / z,
 
-D a polynomial. The moments M_j = int_0^1 (H + A u^2)^j du of its powers follow from each other by
-parts, (2 j + 1) M_j = r^2j + 2 j H M_(j-1), so that the sum is one of powers of H and of r^2.
+where D is a polynomial. Integration by parts relates the moments of its powers,
+M_j = int_0^1 (H + A u^2)^j du, to each other: (2 j + 1) M_j = r^2j + 2 j H M_(j-1). The integral is
+therefore a sum of powers of H and of r^2.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from .vectors import Plane
 
 Side = tuple[Any, Any, Any, Any]
 
-#: Largest distance of the point from the beam's centre, sigmas, squared. Beyond it one of the
-#: facets of a mirror like the paper's is faint.
+#: Square of the largest distance of the point from the beam's centre, in sigmas. At a larger
+#: distance, one of the facets of a mirror like the paper's is faint.
 CENTRAL_SQUARED = 4.0
 
 
@@ -40,7 +41,8 @@ ACROSS, AROUND = tables()
 
 
 def side_central(q: Plane, a: Number, h: Number) -> Side:
-    """One of `wedge.sides` within sqrt(CENTRAL_SQUARED) of the beam's centre.
+    """The integrals of one of `wedge.sides` whose point is within sqrt(CENTRAL_SQUARED) of the
+    beam's centre.
 
     a, h: q . u and q x u.
     """

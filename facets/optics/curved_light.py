@@ -1,10 +1,11 @@
-"""Light with a curved wavefront, seen from its source and on a detector's image.
+"""Light with a curved wavefront, as seen from its source and on a detector's image.
 
-Seen from the source, the mirror's edges are straight, so that mass and centroid of the light on a
-facet are those of a wedge (`apparent_scene`). The ray through the centroid is followed to the
-detector's image in the facet (`detector_image`). Its landing point is a ratio of two linear
-functions of the place in the beam; half its second derivative, contracted with the light's
-covariance, moves the centroid from there (`curvature_shift`). For any number type.
+From the source, the mirror's edges look straight, so that mass and centroid of the light on a facet
+are those of a wedge (`apparent_scene`). The ray through the centroid is traced to the detector's
+image in the facet (`detector_image`). The landing point of a ray is a ratio of two linear functions
+of its place in the beam. Half the second derivative of this ratio, contracted with the light's
+covariance, is the distance of the spot's centroid from the landing point of that ray
+(`curvature_shift`). All functions take any number type.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ from .vectors import (
 
 
 def back_projection(geometry: Geometry, at: Scene) -> tuple[Any, Any, Any, Any]:
-    """The matrix that projects vectors across the beam from the apex's height back to the height of
-    its place."""
+    """The matrix that projects vectors across the beam from the height of the apex back to the
+    height of the beam's place."""
     xx, xy, yx, yy = geometry.light.bend
     height = dot(subtract(at.apex, at.place), geometry.direction)
     a, b, c, d = height * xx + 1, height * xy, height * yx, height * yy + 1
@@ -58,19 +59,20 @@ def apparent_scene(geometry: Geometry, at: Scene) -> Scene:
 def apparent_edge(
     geometry: Geometry, back: tuple[Any, Any, Any, Any], bent: Plane, edge: Vector
 ) -> Plane:
-    """The direction, in sigmas, of an edge as the light sees it."""
+    """The direction of an edge as seen from the light's source, in sigmas."""
     along = dot(edge, geometry.direction)
     x, y = project_to_sigmas(geometry, edge)
     return unit_vector(apply(back, (x - along * bent[0], y - along * bent[1])))
 
 
 class DetectorImage(NamedTuple):
-    """A detector as seen in its facet, and the beam in the image's own frame: along its normal, y
-    and z, from its centre; mm.
+    """The mirror image of a detector in its facet, and the beam in the frame of this image.
 
-    axes: of the image, in the world.  halves: half the sizes of its sensitive area.  start: the
-    beam's place.  direction: of the beam.  spread, fan: as in `Geometry` and `Light`.  path: length
-    from the apex.
+    The frame has its origin at the image's centre, and its axes along the image's normal, y and z.
+
+    axes: of the image, in the world.  halves: half sizes of its sensitive area, mm.  start: place
+    of the beam, mm.  direction: of the beam.  spread, fan: as in `Geometry` and `Light`.  path:
+    distance of the image's plane from the apex along the beam, mm.
     """
 
     axes: Matrix
@@ -101,9 +103,12 @@ def detector_image(facet: LitFacet) -> DetectorImage:
 
 
 class Ray(NamedTuple):
-    """One ray to a detector's image: the distance of its start from the image's plane, its
-    direction along the plane's normal, its slopes at the plane, and its landing point (psi, zeta),
-    mm."""
+    """One ray to a detector's image.
+
+    height: distance of its start from the image's plane, mm.  facing: component of its direction
+    along the plane's normal.  slopes: along the image's y and z per distance along the normal.
+    spot: landing point (psi, zeta), mm.
+    """
 
     height: Number
     facing: Number
@@ -123,9 +128,9 @@ def trace_ray(image: DetectorImage, x: Plane) -> Ray:
 
 
 def curvature_shift(image: DetectorImage, ray: Ray, shift: tuple[Any, Any, Any]) -> Plane:
-    """The distance between the light's mean landing point and the landing point of its mean, mm.
+    """The mean of the landing points minus the landing point of the mean ray, mm.
 
-    shift: one less the light's covariance, in sigmas, as xx, xy, yy.
+    shift: one minus the light's covariance, in sigmas, as xx, xy, yy.
     """
     (first, second), (x, y) = image.fan, image.spread
     inverse = 1 / ray.facing

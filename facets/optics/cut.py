@@ -1,12 +1,13 @@
-"""Light that apertures cut: readings, and what derivatives need.
+"""Readings and their derivatives under light that apertures cut.
 
-Each limit of the light - a facet's edges, tip and rim, and its detector's edges - is a length that
-is positive where light passes, and linear over the beam's cross-section, because facets and
-detectors are flat and the rays of a sub-beam parallel. So it is zero on a line, a side of `region`.
-Outlines always have the same sides; one that cuts nothing lies too far away to count.
+Light is limited by a facet's edges, tip and rim, and by its detector's edges. Each limit is
+described by a length that is positive where light passes. This length is linear over the beam's
+cross-section, because facets and detectors are flat and the rays of a sub-beam are parallel. It is
+therefore zero on a line, which is a side of the lit `region`. Outlines always have the same number
+of sides; a side that cuts nothing is too far away to have an effect.
 
-The derivatives of a cut spot's power and centroid follow from how its sides move (`region.Span`);
-how these move follows from the text of the sides, run with numbers that carry derivatives.
+The derivatives of a cut spot's power and centroid follow from the motion of the sides
+(`region.slopes_of_region`), which is found by forward differentiation of their formulas.
 """
 
 from __future__ import annotations
@@ -33,20 +34,21 @@ from .rays import gradient_of_shift, slant
 from .region import FAR, NO_SPANS, SideLine, region, slopes_of_region
 from .vectors import Plane, Vector, cross, dot, subtract
 
-#: A side beyond which the beam has less than exp(-NEGLIGIBLE_EXPONENT) of the facet's light cuts
-#: nothing: 4e-18.
+#: A side beyond which the beam has less than exp(-NEGLIGIBLE_EXPONENT) = 4e-18 of the facet's
+#: light cuts nothing.
 NEGLIGIBLE_EXPONENT = 40.0
-#: The least light whose logarithm is taken, and the distance of a side that passes the centre.
-LEAST_LIGHT, HAIR = 1e-300, 1e-300
-#: A limit beyond this is none.
+#: Lower bounds of the light whose logarithm is taken, and of the distance of a side from the beam's
+#: centre, so that neither is zero.
+MIN_LIGHT, MIN_DISTANCE = 1e-300, 1e-300
+#: A limit larger than this, mm, is no limit.
 BOUNDLESS = 1e100
 
 
 class CutLight(NamedTuple):
     """The light of one facet that reaches its detector.
 
-    cut: 1 where a side or the beam's aperture cuts it, else 0.  mass, centroid: see `wedge.wedge`.
-    spans: of the sides, see `region.region`.
+    cut: 1 where a side or the beam's aperture cuts it, else 0.  mass, centroid: as in
+    `wedge.wedges`.  spans: moments along the sides, see `region.region`.
     """
 
     cut: Any
@@ -57,7 +59,7 @@ class CutLight(NamedTuple):
 
 def outline(facet: LitFacet) -> tuple[SideLine, ...]:
     """The sides of a facet's light: its first and second edge, tip, rim, and the detector's edges
-    at -y, +y, -z and +z; infinitely far where there is no such limit, except for the tip."""
+    at -y, +y, -z and +z. A side without a limit, except the tip, is infinitely far."""
     geometry, at = facet.geometry, facet.at
     tip, rim = geometry.openings.tip, geometry.openings.rim
     along = slant(outward_direction(facet), geometry.direction, facet.normal)
@@ -79,7 +81,10 @@ def outline(facet: LitFacet) -> tuple[SideLine, ...]:
 
 
 def edge_line(facet: LitFacet, which: int) -> SideLine:
-    """One of a facet's two edges, half the gap inside."""
+    """The line of one of a facet's two edges, shifted inward by half the gap.
+
+    which: 0 for the edge where the facet begins, 1 for the edge where it ends.
+    """
     geometry, q, sense = facet.geometry, facet.at.q, 1.0 - 2.0 * which
     (x, y), along = facet.sides[which], facet.edges[which]
     inward = cross(facet.normal, along)
@@ -90,35 +95,38 @@ def edge_line(facet: LitFacet, which: int) -> SideLine:
 
 
 def landing_slope(facet: LitFacet, leaving: Vector, axis: int) -> Plane:
-    """The change of a landing coordinate over the beam's cross-section, mm a sigma."""
+    """The gradient of a landing coordinate over the beam's cross-section, mm per sigma."""
     geometry, axes = facet.geometry, facet.axes
     along = slant(axes[axis], leaving, axes[0])
     return gradient_per_sigma(geometry, gradient_of_shift(along, geometry.direction, facet.normal))
 
 
 def limit_line(value: Number, slope: Plane, sense: float) -> SideLine:
-    """The side where value + sense slope . x = 0.
+    """The side on which value + sense slope . x = 0.
 
-    value: the length that the limit leaves at the beam's centre, mm.  slope: its change per sigma.
+    value: the limit's length at the beam's centre, mm.  slope: its gradient, mm per sigma.
     """
-    share = 1 / sqrt(slope[0] * slope[0] + slope[1] * slope[1])
-    return SideLine(value * share, -sense * slope[0] * share, -sense * slope[1] * share)
+    inverse = 1 / sqrt(slope[0] * slope[0] + slope[1] * slope[1])
+    return SideLine(value * inverse, -sense * slope[0] * inverse, -sense * slope[1] * inverse)
 
 
 def limited_line(line: SideLine, is_there: Any, depth: Number) -> SideLine:
-    """The side, or a side too far away to count where the limit does not exist (`is_there`) or lies
-    no nearer than `depth`, a square of a distance."""
+    """The side if it cuts light, else a side that is too far away to cut any.
+
+    is_there: whether the limit exists.  depth: square of the distance, in sigmas, beyond which the
+    beam has negligible light.
+    """
     d = line.distance
     near = is_there & ((d <= 0) | (d * d < depth))
-    return SideLine(select(near, select(abs(d) > 0, d, HAIR), FAR), line.x, line.y)
+    return SideLine(select(near, select(abs(d) > 0, d, MIN_DISTANCE), FAR), line.x, line.y)
 
 
 def passing_light(facet: LitFacet) -> CutLight:
-    """The light of a facet that reaches its detector.  facet: as if nothing were cut."""
+    """The light of a facet that reaches its detector.  facet: with all of its light, uncut."""
     mass, centroid, _, _ = facet.moments
     openings, sides = facet.geometry.openings, outline(facet)
     half_y, half_z = openings.halves[facet.k]
-    depth = 2 * (NEGLIGIBLE_EXPONENT - log(select(mass > LEAST_LIGHT, mass, LEAST_LIGHT)))
+    depth = 2 * (NEGLIGIBLE_EXPONENT - log(select(mass > MIN_LIGHT, mass, MIN_LIGHT)))
     limits = (
         limited_line(sides[2], openings.tip > 0, depth),
         limited_line(sides[3], openings.rim < BOUNDLESS, depth),
@@ -138,7 +146,7 @@ def passing_light(facet: LitFacet) -> CutLight:
 
 
 def cut_scene(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Scene, Three]:
-    """The scene of a sensor at a state, nothing cut, and the light of each facet."""
+    """The scene of a sensor at a state with uncut light, and the passing light of each facet."""
     at = illuminate(dark_scene(geometry, state))
     a, b, c = mirror_facets(geometry, at)
     return at, (passing_light(a), passing_light(b), passing_light(c))
@@ -166,7 +174,10 @@ def scene_readings(geometry: Geometry, scene: tuple[Scene, Three]) -> tuple[Thre
 
 
 def read_spot(facet: LitFacet, values: Three) -> Three:
-    """The reading of a spot on a coated facet, with background light; values: without them."""
+    """The reading of a spot with the facet's coating and the background light.
+
+    values: the reading without these.
+    """
     geometry = facet.geometry
     power = values[2] * reflectance(geometry, facet.normal, geometry.direction)
     return add_background((values[0], values[1]), power, geometry.light.background[facet.k])
@@ -175,9 +186,9 @@ def read_spot(facet: LitFacet, values: Three) -> Three:
 def reading_slopes(
     geometry: Geometry, state: tuple[Any, ...], plain: tuple[Scene, Three]
 ) -> tuple[Three, Three, Three]:
-    """The readings' derivatives by the variables of which geometry or state carry derivatives.
+    """The readings' derivatives by the variables by which geometry or state carry derivatives.
 
-    plain: from `cut_scene`, without these.
+    plain: the scene from `cut_scene`, without derivatives.
     """
     at, (scene, lights) = dark_scene(geometry, state), plain
     to_a, to_b, to_c = mirror_facets(geometry, at)
@@ -192,9 +203,9 @@ def reading_slopes(
 
 
 def light_with_slope(to: LitFacet, at: LitFacet, light: CutLight) -> CutLight:
-    """The light of a facet with the derivatives that the facet `to` carries.
+    """The passing light of a facet, with the derivatives that the facet `to` carries.
 
-    at: the same facet without derivatives.  light: of `at`.
+    at, light: the same facet and its passing light, without derivatives.
     """
     uncut = wedge_slopes(to.at.q, to.sides, at.integrals, at.moments)
     slopes = []

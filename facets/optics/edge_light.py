@@ -1,20 +1,22 @@
 """Effects of the facets' edges on the light: diffraction, roll-off and lost strips.
 
-They are proportional to the light along the edge (`EdgeStep`). At the distance s across the edge
-from where this light lands, diffraction spreads the share a / s^2 per mm, where
-a = wavelength x path x light / 4 pi^2 (Fresnel's far field of an edge). Light beyond the detector's
-sensitive area is lost; light within it moves the centroid, where the area's ends are unequally far:
+The effects are proportional to the light along the edge (`EdgeStep`). Diffraction spreads this
+light across the edge: the fraction per mm at the distance s from its landing point is a / s^2,
+where a = wavelength x path x light / 4 pi^2 (Fresnel's far field of an edge). Light beyond the
+detector's sensitive area is lost. Light inside it moves the centroid where the area's ends are at
+different distances:
 
     dP = -sum a (1/S+ + 1/S-)
     c' = c - sum a [(x_e - c)(1/S+ + 1/S-) + v ln(S-/S+)] / (P + dP)
 
-To second order in the spot's size over S, the width of the edge's own light counts (`EdgeStreak`),
-and the facet's point, where both edges end, spreads light of its own (`add_apex_loss`).
+To second order in the spot's size over S, the width of the edge's own light has an effect, too
+(`EdgeStreak`), and the facet's point, where both edges end, spreads additional light
+(`add_apex_loss`).
 
-A surface that rolls off by a depth d sends the strip's light outward: the spot moves by
-2 d cos(incidence) path x light / P across the edge. A lost strip moves the wedge's point inward,
-and with it where the surface begins to roll off. Masses are shares of the beam's power. For any
-number type.
+A surface that rolls off by a depth d reflects the strip's light outward: the spot moves by 2 d
+cos(incidence) path x light / P across the edge. A lost strip moves the wedge's point inward,
+together with the start of the roll-off. Masses are fractions of the beam's power. All functions
+take any number type.
 """
 
 from __future__ import annotations
@@ -27,20 +29,22 @@ from .forward import Geometry, LitFacet, Scene, project_to_sigmas
 from .profile import density_at_point, moment_slopes
 from .vectors import Plane, Vector, combine, cross, cross2, dot, dot2, rotate, scale
 
-#: Share of the beam, or of it in a sigma along an edge, below which a facet counts as dark, and the
-#: place and the width of an edge's light as 0 and 1 sigma: it has no effect, and underflows.
+#: Fraction of the beam's light below which a facet is dark. For less light than this per sigma
+#: along an edge, the place and the width of this light are set to 0 and 1 sigma, because they
+#: underflow; they have no effect.
 FAINT = 1e-290
 
 
 class EdgeStep(NamedTuple):
     """A step of one mm across an edge, into the facet that begins there, and the edge's own light.
 
-    world: the step.  away: its distance from the edge as the light sees it, in sigmas.  sine: sine
-    of the angle between beam and edge.  light: the share of the beam's light that the step sweeps
-    over, 1/mm.  far, middle: of the edge's own light, from the apex and its place, in sigmas.
-    along, fan: a sigma along the edge, mm, and by how much a ray's direction changes over it; in
-    the world.  spread: the variance of the edge's light along it, in sigmas squared.  blur: 1 - a f
-    / L, that of the waves that make it up (`edge_streak`).
+    world: the step, in the world.  away: distance of its end from the edge as seen from the light's
+    source, in sigmas.  sine: of the angle between beam and edge.  light: fraction of the beam's
+    light that the step sweeps over, 1/mm.  far, middle: mean distance of the edge's light from the
+    apex, and its mean place, in sigmas.  along, fan: vector of one sigma along the edge, mm, and
+    the change of a ray's direction over it; in the world.  spread: variance of the edge's light
+    along it, in sigmas squared.  blur: factor 1 - a f / L of the width by diffraction, see
+    `edge_streak`.
     """
 
     world: Vector
@@ -88,12 +92,12 @@ def edge_step(
 def light_after_wear(
     facet: LitFacet, back: tuple[Any, Any, Any, Any], steps: tuple[EdgeStep, EdgeStep]
 ) -> tuple[Number, Plane, Plane]:
-    """Mass and centroid of the light on a facet without the strips along its edges and the tip, and
-    the shift of its point by the strips, in sigmas.
+    """Mass and centroid of the light on a facet without the lost strips and the worn tip, and the
+    shift of its point by the strips, in sigmas.
 
-    A strip moves an edge inward by w, and both move the facet's point by d:
-    mass (1 - C.d - (d.P d - (C.d)^2) / 2) and C + P d, with centroid C and P one less the
-    covariance.
+    The two strips move the facet's edges inward, and its point by d. With the centroid C, and P one
+    minus the covariance, the mass becomes mass (1 - C.d - (d.P d - (C.d)^2) / 2), and the centroid
+    C + P d.
     """
     geometry, k = facet.geometry, facet.k
     mass, centroid, _, _ = facet.moments
@@ -111,44 +115,48 @@ def light_after_wear(
     )
     pd = pxx * d[0] + pxy * d[1], pyx * d[0] + pyy * d[1]
     step = dot2(decline, d)
-    left = mass * (1 - step - (dot2(d, pd) - step * step) / 2)
+    remaining = mass * (1 - step - (dot2(d, pd) - step * step) / 2)
     lost, place = tip_loss(facet, back)
-    rest = left - lost
+    rest = remaining - lost
     moved = centroid[0] + pd[0], centroid[1] + pd[1]
-    share = 1 / rest
+    inverse = 1 / rest
     centroid = (
-        (left * moved[0] - lost * place[0]) * share,
-        (left * moved[1] - lost * place[1]) * share,
+        (remaining * moved[0] - lost * place[0]) * inverse,
+        (remaining * moved[1] - lost * place[1]) * inverse,
     )
     return rest, centroid, d
 
 
 def tip_loss(facet: LitFacet, back: tuple[Any, Any, Any, Any]) -> tuple[Number, Plane]:
-    """The share of the beam that a facet loses at the worn tip, and its centroid in sigmas.
+    """The fraction of the beam's light that a facet loses at the worn tip, and the centroid of this
+    light, in sigmas.
 
-    The facet's part of the tip's area lies between its edges, seen along the mirror's axis; its
-    light follows from the density at the apex and the density's slope.
+    The facet's part of the tip's area lies between its edges, as seen along the mirror's axis. Its
+    light follows from the density at the apex and the density's gradient.
     """
     geometry, at, light, k = facet.geometry, facet.at, facet.geometry.light, facet.k
     density = density_at_point(facet)
     axis = at.turn[0][2], at.turn[1][2], at.turn[2][2]
     size = back[0] * back[3] - back[1] * back[2]
-    area = -dot(axis, geometry.direction) * light.tip * light.tip_shares[k]
+    area = -dot(axis, geometry.direction) * light.tip * light.tip_fractions[k]
     offset = apply(back, project_to_sigmas(geometry, rotate(at.turn, light.tip_offsets[k])))
     lost = density * (1 - dot2(at.q, offset)) * area * size * light.density
     return lost, (at.q[0] + offset[0], at.q[1] + offset[1])
 
 
 class EdgeEffects(NamedTuple):
-    """The summed effects of the edges: the light lost beyond the detector (a share of the beam),
-    its effect on the first moment of place, and the effect of the roll-off on that moment."""
+    """The summed effects of the edges.
+
+    lost: light beyond the detector, as a fraction of the beam's.  moment: change of the first
+    moment of place by this loss and by the roll-off, mm.
+    """
 
     lost: Number
     moment: Plane
 
 
 class ImagedSpot(NamedTuple):
-    """The spot of a facet's light before its edges take their effect.
+    """The spot of a facet's light without the effects of its edges.
 
     image: of the detector in the facet.  centre: of the spot, mm.  scatter: wavelength x path /
     4 pi^2, mm^2.
@@ -161,33 +169,33 @@ class ImagedSpot(NamedTuple):
 
 
 class EdgeStreak(NamedTuple):
-    """The light that an edge spreads to both sides, as it lies on a detector's image.
+    """The light that an edge diffracts to both sides, on a detector's image.
 
-    step: across the edge.  share: a in the density a / s^2 at s steps across the edge; mm.  spot:
-    landing point of the edge's own light.  v: the step's image.  wide: the standard deviation of
-    the light along the edge; mm.
+    step: across the edge.  amount: a in the density a / s^2 at s steps across the edge, mm.  spot:
+    landing point of the edge's own light, mm.  v: image of the step.  wide: standard deviation of
+    the light along the edge, as a vector, mm.
     """
 
     step: EdgeStep
-    share: Number
+    amount: Number
     spot: Plane
     v: Plane
     wide: Plane
 
 
 def step_on_image(ray: Ray, image: DetectorImage, v: Vector) -> Plane:
-    """The image on the detector of a step v across the light, in the world."""
+    """The image on the detector of a step v across the light, which is in the world's frame."""
     level, across, up = rotate(image.axes, v)
     return across - level * ray.slopes[0], up - level * ray.slopes[1]
 
 
 def edge_streak(spot: ImagedSpot, step: EdgeStep) -> EdgeStreak:
-    """The light that an edge spreads.
+    """The light that an edge diffracts.
 
-    The variance of the light along an edge is the sum of those of its rays' landing points and of
-    the diffraction of each short piece. The latter diverges for a piece that ends at the apex;
-    `add_apex_loss` includes the diffraction of the ends, and the rest is Hadamard's finite part,
-    (wavelength x path / 4 pi sigma)^2 (1 - a f / L), with the density f at the apex.
+    The variance of the light along an edge is the sum of two variances: of its rays' landing
+    points, and of the diffraction of each short piece. The second one diverges for a piece that
+    ends at the apex. `add_apex_loss` includes the diffraction of the ends; the rest is Hadamard's
+    finite part, (wavelength x path / 4 pi sigma)^2 (1 - a f / L), with the density f at the apex.
     """
     image, scatter = spot.image, spot.scatter
     ray = trace_ray(image, step.middle)
@@ -198,7 +206,7 @@ def edge_streak(spot: ImagedSpot, step: EdgeStep) -> EdgeStreak:
     along = step_on_image(ray, image, step.along)
     return EdgeStreak(
         step=step,
-        share=scatter * step.light,
+        amount=scatter * step.light,
         spot=ray.spot,
         v=step_on_image(ray, image, step.world),
         wide=(wide * along[0], wide * along[1]),
@@ -208,13 +216,13 @@ def edge_streak(spot: ImagedSpot, step: EdgeStep) -> EdgeStreak:
 def add_streak_loss(spot: ImagedSpot, streak: EdgeStreak, total: EdgeEffects) -> EdgeEffects:
     """Add the light of a streak beyond the detector's sensitive area to `total`.
 
-    The streak counts as two lines, one standard deviation to both sides of its middle.
+    The streak is approximated by two lines, one standard deviation to each side of its middle.
     """
     image, nearest = spot.image, spot.facet.geometry.light.options.nearest
     (x, y), v, wide, centre = streak.spot, streak.v, streak.wide, spot.centre
     ahead, behind = edge_rates((x + wide[0], y + wide[1]), v, image.halves, nearest)
     ahead2, behind2 = edge_rates((x - wide[0], y - wide[1]), v, image.halves, nearest)
-    half = streak.share / 2
+    half = streak.amount / 2
     beyond, beyond2 = half * (ahead + behind), half * (ahead2 + behind2)
     missing, lopsided = beyond + beyond2, beyond - beyond2
     lean = half * log(ahead * ahead2 / (behind * behind2))
@@ -235,10 +243,11 @@ def add_apex_loss(
 ) -> EdgeEffects:
     """Add the light from a facet's point, where both edges end, beyond the detector to `total`.
 
-    With s and t steps of the two streaks from where the apex's own ray lands, the point's waves are
-    A / s^2 t^2 on an area of ds dt, A = (wavelength x path / 4 pi^2)^2 x density at the apex / sine
-    between the edges. Over the whole plane the finite part of their integral is zero, so that minus
-    the integral over the detector's sensitive area (`finite_part`) is lost.
+    s and t count steps of the two streaks from the landing point of the apex's ray. The light that
+    the point diffracts to an area ds dt is A / s^2 t^2, where A = (wavelength x path / 4 pi^2)^2 x
+    density at the apex / sine between the edges. Over the infinite plane, the finite part of the
+    integral of this light is zero. The loss is therefore minus the integral over the detector's
+    sensitive area (`finite_part`).
     """
     geometry, image, centre, scatter = spot.facet.geometry, spot.image, spot.centre, spot.scatter
     size = back[0] * back[3] - back[1] * back[2]
@@ -264,14 +273,14 @@ def finite_part(
     """Half of Hadamard's finite part J of the integral of 1 / s^2 t^2 over the sensitive area, and
     its first moments about `spot`.
 
-    J is a sum over the area's four sides, of lines alpha s + beta t = gamma, and its corners:
+    J is a sum over the area's four sides, on lines alpha s + beta t = gamma, and over its corners:
 
         J = sum over corners of (alpha beta' - alpha' beta) / gamma gamma'
             - sum over sides of alpha beta / gamma^2 [ln |t / s|]
         first moments: - sum over sides of (beta v1 + alpha v2) / gamma [ln |t / s|]
 
-    with [] from one end of a side to the other. The width of a streak keeps its contribution finite
-    where it runs through a corner.
+    where [] is a difference between the ends of a side. The width of a streak keeps its
+    contribution finite where it runs through a corner.
     """
     (v, wide_v), (w, wide_w) = (streaks[0].v, streaks[0].wide), (streaks[1].v, streaks[1].wide)
     turn = cross2(v, w)
@@ -285,19 +294,19 @@ def finite_part(
     up = log(b[0] * a[1] / (b[1] * a[0]))
     over = log(c[0] * b[1] / (c[1] * b[0]))
     down = log(d[0] * c[1] / (d[1] * c[0]))
-    least = nearest + spot[0] * 0
-    y1, z1 = maximum(y1, least), maximum(z1, least)
-    y0, z0 = maximum(-y0, least), maximum(-z0, least)
+    limit = nearest + spot[0] * 0
+    y1, z1 = maximum(y1, limit), maximum(z1, limit)
+    y0, z0 = maximum(-y0, limit), maximum(-z0, limit)
     level, upright = y1 * y0, z1 * z0
     each = 1 / (2 * level * upright)
     # Half of the reciprocal distance of each side.
-    right, left = y0 * upright * each, y1 * upright * each
-    top, bottom = z0 * level * each, z1 * level * each
-    on_right, on_top, on_left = right * up, top * over, left * down
-    on_bottom = -bottom * (up + over + down)
-    integral = 2 * turn * (right + left) * (top + bottom)
-    integral -= v[0] * w[0] * (right * on_right + left * on_left)
-    integral -= v[1] * w[1] * (top * on_top + bottom * on_bottom)
+    right_side, left_side = y0 * upright * each, y1 * upright * each
+    top_side, bottom_side = z0 * level * each, z1 * level * each
+    on_right, on_top, on_left = right_side * up, top_side * over, left_side * down
+    on_bottom = -bottom_side * (up + over + down)
+    integral = 2 * turn * (right_side + left_side) * (top_side + bottom_side)
+    integral -= v[0] * w[0] * (right_side * on_right + left_side * on_left)
+    integral -= v[1] * w[1] * (top_side * on_top + bottom_side * on_bottom)
     sideways, upward = on_right - on_left, on_top - on_bottom
     return integral, (
         2 * v[0] * w[0] * sideways + (w[1] * v[0] + v[1] * w[0]) * upward,
@@ -306,7 +315,8 @@ def finite_part(
 
 
 def corner_squares(v: Plane, w: Plane, widths: Plane, x: Number, y: Number) -> Plane:
-    """The squares of t and s of a corner (x, y) from where the apex's ray lands, as s v + t w.
+    """The squares of t and s for a corner at s v + t w = (x, y) from the landing point of the
+    apex's ray.
 
     widths: the squares of both streaks' standard deviations, mm^2.
     """
@@ -317,7 +327,7 @@ def corner_squares(v: Plane, w: Plane, widths: Plane, x: Number, y: Number) -> P
 def add_rolloff(
     spot: ImagedSpot, streak: EdgeStreak, moved: Plane, which: int, total: EdgeEffects
 ) -> EdgeEffects:
-    """Add the effect of an edge of a facet that rolls off to `total`.
+    """Add the effect of the roll-off of a facet's edge to `total`.
 
     moved: shift of the facet's point by lost strips, in sigmas.  which: 0 for the edge where the
     facet begins, 1 for the edge where it ends.
@@ -335,13 +345,14 @@ def add_rolloff(
 
 
 def strip_mean(facet: LitFacet, step: EdgeStep, moved: Plane, width: Number, which: int) -> Number:
-    """The light along a strip of a facet beside its edge, over the light along the edge itself.
+    """The mean light along a strip next to a facet's edge, over the light along the edge itself.
 
     moved: start of the strip, from the apex, in sigmas.  width: of the strip, across the beam, mm.
     which: of the facet's two edges, 0 or 1.
-    With D from there to the start of its inner side, along the other edge, and the light L(a, h)
-    along a line from q, a = q.u, h = q x u: the mean of 1 + (dL.x + x.d2L x / 2) / L over x from
-    `moved` to `moved` + D.
+
+    L(a, h) is the light along a line from q, where a = q.u and h = q x u. D is the vector along the
+    other edge from the start of the strip's outer side to the start of its inner side. The result
+    is the mean of 1 + (dL.x + x.d2L x / 2) / L over x from `moved` to `moved` + D.
     """
     q, u, w = facet.at.q, facet.sides[which], facet.sides[1 - which]
     sine = cross2(u, w) if which == 0 else cross2(w, u)
@@ -358,15 +369,15 @@ def strip_mean(facet: LitFacet, step: EdgeStep, moved: Plane, width: Number, whi
 
 
 def edge_rates(spot: Plane, v: Plane, halves: Plane, nearest: Number) -> tuple[Number, Number]:
-    """The reciprocals of the numbers of steps v from a spot to the window's edge, ahead and
-    behind."""
-    least = nearest + spot[0] * 0
-    right, left = maximum(halves[0] - spot[0], least), maximum(halves[0] + spot[0], least)
-    above, below = maximum(halves[1] - spot[1], least), maximum(halves[1] + spot[1], least)
-    level, upright = right * left, above * below
-    whole = 1 / (level * upright)  # One division serves all four.
-    x, y = v[0] * upright * whole, v[1] * level * whole
+    """The reciprocals of the number of steps v from a spot to the window's edge, forward and
+    backward."""
+    limit = nearest + spot[0] * 0
+    rightward, leftward = maximum(halves[0] - spot[0], limit), maximum(halves[0] + spot[0], limit)
+    above, below = maximum(halves[1] - spot[1], limit), maximum(halves[1] + spot[1], limit)
+    level, upright = rightward * leftward, above * below
+    inverse = 1 / (level * upright)  # one division for all four distances
+    x, y = v[0] * upright * inverse, v[1] * level * inverse
     return (
-        maximum(maximum(x * left, -x * right), maximum(y * below, -y * above)),
-        maximum(maximum(-x * left, x * right), maximum(-y * below, y * above)),
+        maximum(maximum(x * leftward, -x * rightward), maximum(y * below, -y * above)),
+        maximum(maximum(-x * leftward, x * rightward), maximum(-y * below, y * above)),
     )

@@ -1,7 +1,7 @@
-"""Deviations of real light from the ideal: their numbers, and the vectors made from them.
+"""Deviations of real light from ideal light: their numbers, and the vectors made from them.
 
 `LightEffects` holds the numbers that `facets.core.sensor.BenchLight` declares. `Light` is the form
-that the optics uses; `build_light` makes it once a sensor. Lengths in mm, powers in mW.
+that the optics uses; `build_light` makes it once for a sensor. Lengths are in mm, powers in mW.
 """
 
 from __future__ import annotations
@@ -13,20 +13,21 @@ from ..scalars.dispatch import Number, cos, holds_anywhere, pi, real, sin, sqrt
 from .vectors import Plane, Vector, angle_between, combine, cross, dot, unit_vector
 
 Three = tuple[Any, Any, Any]
-#: Components xxx, xxy, xyy, yyy of a symmetric tensor, or of one turned into other axes.
+#: Components xxx, xxy, xyy, yyy of a symmetric tensor, in the beam's own or in other axes.
 Four = tuple[Any, Any, Any, Any]
-#: Components xxxx, xxxy, xxyy, xyyy, yyyy of a symmetric tensor, or of one turned into other axes.
+#: Components xxxx, xxxy, xxyy, xyyy, yyyy of a symmetric tensor, in the beam's own or other axes.
 Five = tuple[Any, Any, Any, Any, Any]
 
 
 class LightOptions(NamedTuple):
-    """The constants of the light, plain floats and truth values for all types of number.
+    """The constants of the light: floats and truth values in runs with any type of number.
 
     on: whether any effect is on; otherwise the formulas of ideal light apply.  coated: whether the
-    facets reflect by incidence.  polarised: whether the light is polarised.  profiled: whether
-    the beam's profile is not Gaussian.  halves: of each detector's sensitive area along y and z,
-    mm: the window in which light counts.  nearest: the least distance from a spot to the window's
-    edge in the formula of diffraction, mm, which has a pole at the edge.
+    facets' reflectance depends on the angle of incidence.  polarised: whether the light is
+    polarised.  profiled: whether the beam's profile is not Gaussian.  halves: of each detector's
+    sensitive area along y and z, mm: the window in which light is detected.  nearest: lower bound
+    of the distance from a spot to the window's edge in the formula of diffraction, mm, which has a
+    pole at the edge.
     """
 
     on: bool
@@ -40,7 +41,7 @@ class LightOptions(NamedTuple):
 class LightEffects(NamedTuple):
     """The numbers and the options of the effects.
 
-    numbers: of each field of `facets.core.sensor.BenchLight` that has any, by the field's name.
+    numbers: of each field of `facets.core.sensor.BenchLight` that has numbers, by its name.
     """
 
     numbers: dict[str, Any]
@@ -50,14 +51,16 @@ class LightEffects(NamedTuple):
 class Light(NamedTuple):
     """The effects in the form that the optics takes.
 
-    bend: the wavefront's curvature as it acts on vectors in sigmas: xx, xy, yx, yy; 1/mm.  fan:
+    bend: the wavefront's curvature as a matrix for vectors in sigmas: xx, xy, yx, yy; 1/mm.  fan:
     change of a ray's direction per sigma along the beam's two axes, in the world.  density: one
-    over the area of a square of one sigma, 1/mm^2.  rolloff: of the first and the second edge of
-    each facet.  tip_shares: shares of the facets in the loss at the tip.  tip_offsets: from the
-    apex to the middle of each share, in the mirror's frame.  background: power and place on each
-    detector.  coating: its refractive index, n and k.  plain: twice its reflectance of unpolarised
-    light at 45 degrees.  field: direction of polarised light, in the world.  profile,
-    asymmetry: symmetric tensors of fourth and third Hermite order, along the beam's own axes.
+    over the area of a square of one sigma, 1/mm^2.  wavelength: mm.  rolloff: depth at the first
+    and the second edge of each facet.  rolloff_width: mm.  strips: width lost along each edge, mm.
+    tip: area lost at the tip, mm^2.  tip_fractions: of the facets in this area.  tip_offsets: from
+    the apex to the middle of each facet's part, in the mirror's frame, mm.  background: power and
+    place on each detector.  coating: its refractive index, n and k.  plain: twice its reflectance
+    of unpolarised light at 45 degrees.  field: direction of polarised light, in the world.
+    profile, asymmetry: symmetric tensors of fourth and third Hermite order, along the beam's own
+    axes.
     """
 
     options: LightOptions
@@ -69,7 +72,7 @@ class Light(NamedTuple):
     rolloff_width: Number
     strips: Three
     tip: Number
-    tip_shares: Three
+    tip_fractions: Three
     tip_offsets: Three
     background: Three
     coating: tuple[Any, Any]
@@ -92,7 +95,7 @@ IDEAL = Light(
     rolloff_width=0.0,
     strips=ZERO_VECTOR,
     tip=0.0,
-    tip_shares=ZERO_VECTOR,
+    tip_fractions=ZERO_VECTOR,
     tip_offsets=(ZERO_VECTOR, ZERO_VECTOR, ZERO_VECTOR),
     background=(ZERO_VECTOR, ZERO_VECTOR, ZERO_VECTOR),
     coating=(1.0, 0.0),
@@ -117,14 +120,17 @@ def sector_centroid(first: Vector, second: Vector, opening: Number, radius: Numb
 
 
 def reflectances(index: tuple[Any, Any], cosine: Number) -> tuple[Number, Number]:
-    """The reflectances across and along the plane of incidence (s, p) of a metal of index n + i
-    k."""
+    """The reflectances (s, p) of a metal for light polarised across and along the plane of
+    incidence.
+
+    index: n and k of the refractive index n + i k.
+    """
     n, k = index
     square = 1 - cosine * cosine
     level = n * n - k * k - square
-    whole = sqrt(level * level + 4 * n * n * k * k)
-    a = sqrt((whole + level) / 2)
-    b2 = (whole - level) / 2
+    size = sqrt(level * level + 4 * n * n * k * k)
+    a = sqrt((size + level) / 2)
+    b2 = (size - level) / 2
     s = ((a - cosine) * (a - cosine) + b2) / ((a + cosine) * (a + cosine) + b2)
     tangent = square / cosine
     p = s * ((a - tangent) * (a - tangent) + b2) / ((a + tangent) * (a + tangent) + b2)
@@ -132,21 +138,23 @@ def reflectances(index: tuple[Any, Any], cosine: Number) -> tuple[Number, Number
 
 
 def ray_turn(curvature: Three, x: Vector, y: Vector, v: Vector) -> Vector:
-    """The change of a ray's direction over a step v across the beam.  curvature: of the
-    wavefront, xx, xy, yy."""
+    """The change of a ray's direction over a step v across the beam.
+
+    curvature: of the wavefront, xx, xy, yy.
+    """
     xx, xy, yy = curvature
     right, up = dot(v, x), dot(v, y)
     return combine(xx * right + xy * up, x, xy * right + yy * up, y)
 
 
 def tensor_of(coefficients: Five) -> Five:
-    """The symmetric tensor T with T : dddd = sum c_n d^n."""
+    """The symmetric tensor T for which T : dddd = sum c_n d^n."""
     a, b, c, d, e = coefficients
     return a, b / 4, c / 6, d / 4, e
 
 
 def turn_tensor(t: Five, u: Plane, w: Plane) -> Five:
-    """Components uuuu, uuuw, uuww, uwww, wwww."""
+    """Components uuuu, uuuw, uuww, uwww, wwww of a symmetric tensor given as xxxx, ... yyyy."""
     u0, u1, u2, u3 = contract_fourth(t, u)
     w0, w1, w2, w3 = contract_fourth(t, w)
     uu = u0 * u[0] + u1 * u[1], u1 * u[0] + u2 * u[1], u2 * u[0] + u3 * u[1]
@@ -183,7 +191,7 @@ def contract_fourth(t: Five, v: Plane) -> tuple[Any, Any, Any, Any]:
 
 
 def contract_twice(t: Three, v: Plane, w: Plane) -> Number:
-    """t: symmetric, as xx, xy, yy."""
+    """The number v t w.  t: a symmetric matrix, as xx, xy, yy."""
     return (t[0] * v[0] + t[1] * v[1]) * w[0] + (t[1] * v[0] + t[2] * v[1]) * w[1]
 
 
@@ -201,13 +209,13 @@ def build_light(
 ) -> Light:
     """Convert `effects` to the form that the optics takes.
 
-    edges: of the mirror, in its frame.  axes: the world's x and y as the beam's tilt carries them,
-    in which curvature and polarisation are given.  spread, whitening: as in `Geometry`.
+    edges: of the mirror, in its frame.  axes: the world's x and y, rotated with the beam's tilt, in
+    which curvature and polarisation are given.  spread, whitening: as in `Geometry`.
     """
     x, y = axes
-    flat = [(x, y) for x, y, _ in edges]  # These are seen along the mirror's axis.
-    shares = tuple(angle_between(flat[k], flat[(k + 1) % 3]) for k in range(3))
-    whole = 2 * pi(shares[0])
+    flat = [(x, y) for x, y, _ in edges]  # as seen along the mirror's axis
+    angles = tuple(angle_between(flat[k], flat[(k + 1) % 3]) for k in range(3))
+    full_turn = 2 * pi(angles[0])
     numbers = effects.numbers
     (area,) = numbers["tip"]
     radius = sqrt(area / pi(area)) if holds_anywhere(real(area) > 0) else area * 0
@@ -233,11 +241,11 @@ def build_light(
         rolloff_width=numbers["rolloff_width"][0],
         strips=numbers["strips"],
         tip=area,
-        tip_shares=(shares[0] / whole, shares[1] / whole, shares[2] / whole),
+        tip_fractions=(angles[0] / full_turn, angles[1] / full_turn, angles[2] / full_turn),
         tip_offsets=(
-            sector_centroid(edges[0], edges[1], shares[0], radius),
-            sector_centroid(edges[1], edges[2], shares[1], radius),
-            sector_centroid(edges[2], edges[0], shares[2], radius),
+            sector_centroid(edges[0], edges[1], angles[0], radius),
+            sector_centroid(edges[1], edges[2], angles[1], radius),
+            sector_centroid(edges[2], edges[0], angles[2], radius),
         ),
         background=split_in_three(numbers["background"], 3),
         coating=(n, k),

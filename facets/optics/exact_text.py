@@ -1,4 +1,4 @@
-"""The readings with derivatives that leave nothing out, under each kind of light."""
+"""The functions for readings and exact derivatives under each kind of light."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from . import bench_gradient, bench_light, cut, forward
 class ExactText(NamedTuple):
     """The functions that compute readings and exact derivatives under one kind of light.
 
-    scene: from vectors and a state.  readings: from vectors and that scene.  slopes: from vectors
-    and a state that carry derivatives, and the scene without derivatives.
+    scene: the scene, from vectors and a state.  readings: from vectors and that scene.  slopes: the
+    readings' derivatives, from vectors and a state that carry derivatives, and the scene without
+    derivatives.
     """
 
     scene: Callable[..., Any]

@@ -1,9 +1,10 @@
 """Footprint of a spot: the image of the light on a facet inside the beam's 1/e^2 circle, or inside
 the beam's aperture if that is smaller.
 
-The light on a facet is a wedge of the beam; cut at the circle it is a piece of pie, and a landing
-coordinate is linear over it. So its extremes lie at the pie's corners, or where the arc runs along
-the coordinate: the arc of the paper's Fig. 2. For floats, and numbers that write machine code.
+The light on a facet is a wedge of the beam. Inside the circle it is a sector, over which a landing
+coordinate is linear. Its extremes are therefore at the sector's corners, or at the point of the arc
+at which the coordinate is stationary: the arc of the paper's Fig. 2. The functions take floats, and
+numbers that write code.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ FOOTPRINT_RADIUS_SIGMAS = 2.0
 
 
 def gradient_per_sigma(geometry: Geometry, origin: Vector) -> Plane:
-    """A gradient with respect to a ray's origin as one over the cross-section, per sigma."""
+    """Convert a gradient with respect to a ray's origin to one over the cross-section, per
+    sigma."""
     return dot(origin, geometry.spread[0]), dot(origin, geometry.spread[1])
 
 
@@ -46,8 +48,8 @@ def outward_direction(facet: LitFacet) -> Vector:
 
 
 def corners(q: Plane, u1: Plane, u2: Plane, radius: Number) -> list[tuple[Any, Plane]]:
-    """The corners that the wedge inside the circle may have, and whether it has each: the tip, and
-    where each side enters and leaves the circle."""
+    """The possible corners of the wedge inside the circle, each after the condition that it exists:
+    the tip, and the points at which each side enters and leaves the circle."""
     square = radius * radius
     places = [(q[0] * q[0] + q[1] * q[1] <= square, q)]
     for u in (u1, u2):
@@ -63,18 +65,18 @@ def corners(q: Plane, u1: Plane, u2: Plane, radius: Number) -> list[tuple[Any, P
 def arc_reach(
     slope: Plane, q: Plane, u1: Plane, u2: Plane, radius: Number
 ) -> tuple[Number, Number, Number]:
-    """The largest slope . x on the circle; it is there in the wedge where two numbers, of the first
-    side and of the second, are not negative."""
+    """The largest slope . x on the circle, and two numbers, of the first and of the second side,
+    which are not negative where this point of the circle lies in the wedge."""
     size = sqrt(slope[0] * slope[0] + slope[1] * slope[1])
     top = radius * slope[0] / size - q[0], radius * slope[1] / size - q[1]
     return radius * size, cross2(u1, top), cross2(top, u2)
 
 
 def extent(facet: LitFacet, slope: Plane, centre: Number) -> tuple[Number, Number]:
-    """The least and largest of a length over the footprint of a facet's light, mm.
+    """The minimum and the maximum of a length over the footprint of a facet's light, mm.
 
-    slope: the length's change per sigma across the beam; centre: its value for the beam's central
-    ray. NaN where no light inside the circle meets the facet.
+    slope: the length's change per sigma across the beam.  centre: its value for the beam's central
+    ray, mm. NaN where no light inside the circle meets the facet.
     """
     q, (u1, u2), opening = facet.at.q, facet.sides, facet.geometry.openings.radius
     radius = select(opening < FOOTPRINT_RADIUS_SIGMAS, opening, FOOTPRINT_RADIUS_SIGMAS)
@@ -87,9 +89,9 @@ def extent(facet: LitFacet, slope: Plane, centre: Number) -> tuple[Number, Numbe
         arc, before, after = arc_reach(facing, q, u1, u2, radius)
         on_facet = (before >= 0) & (after >= 0) & (arc > 0)
         ends.append(select(on_facet & (arc > most), arc, most))
-    most, least = ends[0], -ends[1]
-    empty = most < least
-    return select(empty, nan, centre + least), select(empty, nan, centre + most)
+    highest, lowest = ends[0], -ends[1]
+    empty = highest < lowest
+    return select(empty, nan, centre + lowest), select(empty, nan, centre + highest)
 
 
 def curved_slopes(facet: LitFacet) -> tuple[Plane, Plane]:
@@ -119,7 +121,7 @@ def collimated_slopes(facet: LitFacet) -> tuple[Plane, Plane]:
 
 
 def footprints(geometry: Geometry, state: tuple[Number, ...]) -> Any:
-    """The result of `footprint` for each spot at a state: (3, 5)."""
+    """The five numbers of `footprint` for each spot at a state: (3, 5)."""
     at, spread = dark_scene(geometry, state), collimated_slopes
     if geometry.light.options.on:
         at, spread = apparent_scene(geometry, at), curved_slopes
@@ -129,17 +131,18 @@ def footprints(geometry: Geometry, state: tuple[Number, ...]) -> Any:
 def footprint(
     facet: LitFacet, across: tuple[Plane, Plane]
 ) -> tuple[Number, Number, Number, Number, Number]:
-    """(least psi, largest psi, least zeta, largest zeta) of a facet's spot on its detector, and the
-    largest distance from the mirror's axis at which its light meets the facet; mm. NaN as `extent`
-    and `reading`.
+    """The footprint of a facet's spot: lowest and highest psi, lowest and highest zeta, and the
+    largest distance from the mirror's axis at which its light meets the facet; mm.
+
+    NaN as in `extent` and `reading`.
 
     across: from `collimated_slopes`, or from `curved_slopes` where the wavefront is curved.
     """
     geometry, at = facet.geometry, facet.at
     _, (psi, zeta) = central_landing(facet)
-    left, right = extent(facet, across[0], psi)
-    low, high = extent(facet, across[1], zeta)
+    low_psi, high_psi = extent(facet, across[0], psi)
+    low_zeta, high_zeta = extent(facet, across[1], zeta)
     away = slant(outward_direction(facet), geometry.direction, facet.normal)
     slope = gradient_per_sigma(geometry, away)
     _, out = extent(facet, slope, dot(subtract(at.place, at.apex), away))
-    return left, right, low, high, out + (psi - psi)  # It is NaN where psi is.
+    return low_psi, high_psi, low_zeta, high_zeta, out + (psi - psi)  # NaN where psi is NaN

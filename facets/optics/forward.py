@@ -1,9 +1,10 @@
-"""From the mirror's pose to the detectors' readings: the paper's chain, exact, top to bottom.
+"""From the mirror's pose to the detectors' readings: the paper's chain, exact, from top to bottom.
 
-The beam is collimated and the facets are flat, so every ray of one sub-beam has the same direction
-and the map from the beam's cross-section to a detector is affine: it carries the centroid of the
-light on a facet to the centroid of the spot. So each reading needs the light in one wedge of the
-beam (`wedge`) and the landing point of one ray (`rays`), and no integral over the detector.
+The beam is collimated and the facets are flat, so that all rays of one sub-beam have the same
+direction. The map from the beam's cross-section to a detector is therefore affine, and maps the
+centroid of the light on a facet to the centroid of the spot. Each reading needs the light in one
+wedge of the beam (`wedge`) and the landing point of one ray (`rays`), and no integral over the
+detector.
 
 All functions take any number type. Vectors are tuples in the world frame, mm.
 """
@@ -49,7 +50,7 @@ PARAMETERS = (
 
 
 class Openings(NamedTuple):
-    """The apertures; they cut nothing if `cut` is false.
+    """The apertures; they cut no light if `cut` is false.
 
     radius: of the beam's aperture, in sigmas.  tip, rim: distances of the mirror's tip and rim from
     its axis, mm.  gap: width lost along each edge, mm.  halves: half sizes of each detector's area
@@ -105,8 +106,8 @@ def psd_centre(radius: Number, azimuth: Number, height: Number) -> Vector:
 
 
 def sub_beam_height(radius: Number, inclination: Number) -> Number:
-    """The height above the apex at which the level or sloping sub-beam of a facet, under a beam
-    straight down, passes a distance from the axis."""
+    """The height above the apex of a facet's sub-beam at a distance `radius` from the axis, for a
+    vertical beam; mm."""
     return radius / (sin(2 * inclination) / cos(2 * inclination))
 
 
@@ -120,7 +121,7 @@ def build_geometry(
 ) -> Geometry:
     """The vectors of a sensor from its 30 parameters, in the order of `PARAMETERS`.
 
-    effects: the deviations from ideal light; None for none.
+    effects: the deviations from ideal light; None for ideal light.
     """
     power, diameter_x, diameter_y, turn, tilt_x, tilt_y = parameters[:6]
     facets = [parameters[k : k + 2] for k in (6, 8, 10)]
@@ -222,10 +223,20 @@ def dark_scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
     u1 = unit_vector(project_to_sigmas(geometry, edge[1]))
     u2 = unit_vector(project_to_sigmas(geometry, edge[2]))
     zero = tx * 0
-    dark = zero, (zero, zero), (zero, zero, zero), (zero, zero)
-    none = zero, zero, zero, zero
+    no_moments = zero, (zero, zero), (zero, zero, zero), (zero, zero)
+    no_integrals = zero, zero, zero, zero
     sides = u0, u1, u2
-    return Scene(apex, place, turn, normals, edge, q, sides, (none, none, none), (dark, dark, dark))
+    return Scene(
+        apex,
+        place,
+        turn,
+        normals,
+        edge,
+        q,
+        sides,
+        (no_integrals, no_integrals, no_integrals),
+        (no_moments, no_moments, no_moments),
+    )
 
 
 def illuminate(at: Scene) -> Scene:

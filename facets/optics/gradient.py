@@ -1,9 +1,9 @@
-"""The derivatives of the readings, closed, beside the readings themselves.
+"""The readings with their derivatives by the state, in closed form.
 
-Each reading has a few raw gradients (`Gradient`): by the ray, the facet, the apex seen along the
-beam, and the angles of the facet's two edges. The derivatives with respect to the state
-(`linearise`) are dot products with these. A small turn of a vector v about an axis w is w x v, so a
-gradient g with respect to v contributes (v x g) . w.
+Each reading has a few raw gradients (`Gradient`): with respect to the ray, the facet, the apex as
+seen along the beam, and the angles of the facet's two edges. The derivatives with respect to the
+state (`linearise`) are dot products with these. A small turn of a vector v about an axis w changes
+v by w x v, so that a gradient g with respect to v contributes (v x g) . w.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ class Gradient(NamedTuple):
     """The gradients of one reading.
 
     mirror, normal: with respect to the apex and the facet's normal, at a constant ray.  origin:
-    with respect to the ray's origin.  centroid: with respect to the centroid in the beam, in
-    sigmas.  q: with respect to the apex seen along the beam, in sigmas, the ray following the
-    centroid.  first, second: with respect to the angles of the edges where the facet begins and
-    ends, the ray following the centroid.
+    with respect to the ray's origin.  centroid: with respect to the centroid in the beam, per
+    sigma.  q: with respect to the apex seen along the beam, per sigma, where the ray follows the
+    centroid.  first, second: with respect to the angles of the edges at which the facet begins and
+    ends, where the ray follows the centroid.
     """
 
     mirror: Vector
@@ -125,9 +125,9 @@ def state_row(facet: LitFacet, gradient: Gradient, turns: Three, axes: Matrix) -
     turns: from `edge_turns`.  axes: the world axes of roll, pitch and yaw.
     """
     begin, end = turns[facet.k], turns[(facet.k + 1) % 3]
-    seen = gradient_in_world(facet.geometry, gradient.q)
-    apex = add(gradient.mirror, seen)
-    place = subtract(gradient.origin, seen)
+    of_q = gradient_in_world(facet.geometry, gradient.q)
+    apex = add(gradient.mirror, of_q)
+    place = subtract(gradient.origin, of_q)
     of_edges = combine(gradient.first, begin, gradient.second, end)
     turn = add(cross(facet.normal, gradient.normal), of_edges)
     return (
@@ -143,7 +143,7 @@ def state_row(facet: LitFacet, gradient: Gradient, turns: Three, axes: Matrix) -
 
 
 def edge_turns(geometry: Geometry, at: Scene) -> Three:
-    """The derivative of the angle of each edge, seen along the beam, by a rotation of the
+    """The derivative of the angle of each edge, as seen along the beam, by a rotation of the
     mirror."""
     return (
         cross(at.edges[0], gradient_of_angle(geometry, at.edges[0])),

@@ -1,12 +1,13 @@
 """Integrals of a normal distribution along a half-line that points away from its centre.
 
-With a >= 0 the distance that the half-line starts beyond the foot of the distribution's centre,
+The half-line starts at the distance a >= 0 beyond the foot of the distribution's centre:
 
     I_n(a) = int_0^inf s^n exp(-s^2/2 - a s) ds,  n = 0, 1, 2.
 
-I_0 is the Mills ratio. The recurrence from it, I_1 = 1 - a I_0 and I_2 = I_0 - a I_1, cancels for
-large a; the recurrence from I_2 does not: I_0 = (I_2 + a) / (1 + a^2) and I_1 = (1 - a I_2) / (1 +
-a^2). So only I_2 is a polynomial, which tests/optics/references/make_half_normal.py makes.
+I_0 is the Mills ratio. The recurrence I_1 = 1 - a I_0 and I_2 = I_0 - a I_1 loses digits to
+cancellation for large a. The recurrence from I_2, I_0 = (I_2 + a) / (1 + a^2) and
+I_1 = (1 - a I_2) / (1 + a^2), does not. Therefore only I_2 is a polynomial, whose coefficients come
+from tests/optics/references/make_half_normal.py.
 """
 
 from __future__ import annotations
@@ -52,8 +53,8 @@ SECOND = (
 
 
 def tail_integrals(a: Number) -> Three:
-    """(I_0, I_1, I_2) of a >= 0, each to a few parts in 1e16."""
+    """The integrals (I_0, I_1, I_2) for a >= 0, each to a few parts in 1e16."""
     z = 4 / (4 + a)
     second = polynomial(2 * z - 1, SECOND) * (z * z * z)
-    share = 1 / (1 + a * a)
-    return (second + a) * share, (1 - a * second) * share, second
+    inverse = 1 / (1 + a * a)
+    return (second + a) * inverse, (1 - a * second) * inverse, second

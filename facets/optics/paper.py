@@ -1,9 +1,9 @@
 """The irradiance on the detectors as the paper prints it, Eq. (7) to (9), for comparison.
 
 Eq. (8) measures the distance from the beam's image along y and z as if the two were independent.
-The ellipse in which an oblique sub-beam cuts the detector has a cross term besides; without it the
-irradiance is exact only where the sub-beam is level or lies in the plane of x and z. Over y and z
-in its own units it is a normal distribution, so that the integrals between the images of the
+The ellipse in which an oblique sub-beam cuts the detector also has a cross term. Without it, the
+irradiance is exact only where the sub-beam is level or in the plane of x and z. In suitable units
+of y and z this irradiance is a normal distribution, so that the integrals between the images of the
 mirror's edges are those of `wedge`, in floats.
 """
 
@@ -49,7 +49,7 @@ def printed_reading(facet: LitFacet, ray: Path, sigma: float) -> tuple[float, fl
 
 
 def paper_readings(geometry: Geometry, states: Floats) -> Floats:
-    """Readings (n, 9) at states (n, 8) by the paper's irradiance; NaN as for the exact ones."""
+    """Readings (n, 9) at states (n, 8) by the paper's irradiance; NaN where the exact ones are."""
     sigma, other = (sqrt(dot(axis, axis)) for axis in geometry.spread)
     if not np.isclose(sigma, other, rtol=1e-12):
         raise InputError("the paper's irradiance needs a round beam; make both diameters equal")

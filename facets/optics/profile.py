@@ -1,20 +1,21 @@
 """A beam whose profile is not Gaussian: the light on the facets, by Hermite polynomials.
 
-In units of the beam's sigma its irradiance is f(x) (1 + sum c_n He_n(x)): f the standard normal
-density, and n the third and fourth orders (3, 0) to (0, 4) of a Gram-Charlier series. As He_n f is
-d^n f, for odd orders with the opposite sign, that is f + D f with the differential operator
-D = sum +-c_n d^n. The light in a wedge with its point
-at q is then M + D M, where M is the mass of the Gaussian beam as a function of q, and D derives by
-q. Because grad M = sum of +-w L over the two sides, with w across a side and L(a, h) the integral
-of f along it, D M needs derivatives of L alone: with a = q . u, h = q x u = q . w and f = f(q),
+In units of the beam's sigma its irradiance is f(x) (1 + sum c_n He_n(x)), where f is the standard
+normal density. n runs over the third and fourth orders (3, 0) to (0, 4) of a Gram-Charlier series.
+He_n f is d^n f, with the opposite sign for odd orders. The irradiance is therefore f + D f with the
+differential operator D = sum +-c_n d^n. The light in a wedge with its point at q is then
+M + D M, where M(q) is the mass of the Gaussian beam and D differentiates by q. The gradient of M is
+the sum of +-w L over the two sides, where w is the direction across a side and L(a, h) the integral
+of f along it. D M therefore needs derivatives of L alone. With a = q . u, h = q x u = q . w and
+f = f(q) they are
 
     d^j L / dh^j = (-1)^j He_j(h) L
     d^(j+k) L / dh^j da^k = (-1)^(j+k) He_j(h) He_(k-1)(a) f,  k > 0
 
 The symmetric tensors T and S of the coefficients, D = T : dddd - S : ddd, are turned into each
-side's axes u and w. Likewise the integrals along a side, and the first moments
-M1 + D M1 - (4 T : ddd - 3 S : dd) M. Nothing is neglected: of the irradiance as it stands there the
-result is exact.
+side's axes u and w. The integrals along a side and the first moments,
+M1 + D M1 - (4 T : ddd - 3 S : dd) M, are found in the same way. The result is exact for this
+irradiance; no term is neglected.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from .wedge import Moments
 
 
 def hermite(x: Number) -> Three:
-    """He_2, He_3 and He_4."""
+    """The Hermite polynomials He_2, He_3 and He_4."""
     square = x * x
     return square - 1, x * (square - 3), square * (square - 6) + 3
 
@@ -38,9 +39,9 @@ def hermite(x: Number) -> Three:
 class SideChange(NamedTuple):
     """The effect of the profile on one side of a wedge.
 
-    integrals: along the side, as of `wedge.sides`, with the irradiance at the wedge's point in
-    place of the fourth.  mass, moment: added to mass and first moments of the wedge that begins
-    there, and subtracted from those of the wedge that ends there.
+    integrals: along the side, as in `wedge.sides`, with the irradiance at the wedge's point in
+    place of the fourth.  mass, moment: terms that are added to mass and first moments of the wedge
+    that begins at this side, and subtracted from those of the wedge that ends there.
     """
 
     integrals: Side
@@ -49,7 +50,10 @@ class SideChange(NamedTuple):
 
 
 def side_change(light: Light, q: Plane, u: Plane, side: Side) -> SideChange:
-    """side: one of `wedge.sides`."""
+    """The effect of the profile on a side.
+
+    q, u: the wedge's point and the side's direction.  side: its integrals, from `wedge.sides`.
+    """
     w = (u[1], -u[0])
     a, h = dot2(q, u), cross2(q, u)
     length, first, second, _ = side
@@ -87,9 +91,9 @@ def side_change(light: Light, q: Plane, u: Plane, side: Side) -> SideChange:
 
 
 def apply_profile(geometry: Geometry, at: Scene) -> Scene:
-    """The scene with the light of the beam's own profile, from the scene of a Gaussian beam.
+    """Convert the scene of a Gaussian beam to that of the beam's own profile.
 
-    The third part of the moments stays that of the Gaussian beam: see `moment_slopes`.
+    The third part of the moments remains that of the Gaussian beam; see `moment_slopes`.
     """
     light, profiled = geometry.light, geometry.light.options.profiled
     if not holds_anywhere(profiled):
@@ -109,17 +113,17 @@ def apply_profile(geometry: Geometry, at: Scene) -> Scene:
 
 def change_moments(q: Plane, moments: Moments, begin: SideChange, end: SideChange) -> Moments:
     mass, centroid, shift, _ = moments
-    whole = mass + (begin.mass - end.mass)
-    x = (mass * centroid[0] + (begin.moment[0] - end.moment[0])) / whole
-    y = (mass * centroid[1] + (begin.moment[1] - end.moment[1])) / whole
-    return whole, (x, y), shift, (x - q[0], y - q[1])
+    total = mass + (begin.mass - end.mass)
+    x = (mass * centroid[0] + (begin.moment[0] - end.moment[0])) / total
+    y = (mass * centroid[1] + (begin.moment[1] - end.moment[1])) / total
+    return total, (x, y), shift, (x - q[0], y - q[1])
 
 
 def moment_slopes(facet: LitFacet) -> tuple[Plane, tuple[Any, Any, Any, Any]]:
-    """The derivatives by q of the light on a facet: of the logarithm of its mass, with the opposite
-    sign, and of its centroid, as xx, xy, yx, yy.
+    """The derivatives by q of the light on a facet: minus the gradient of the logarithm of its
+    mass, and the derivatives of its centroid, as xx, xy, yx, yy.
 
-    Of a Gaussian beam these are the centroid and one less the covariance.
+    For a Gaussian beam these are the centroid and one minus the covariance.
     """
     mass, centroid, (pxx, pxy, pyy), (x, y) = facet.moments
     profiled, usual = facet.geometry.light.options.profiled, (centroid, (pxx, pxy, pxy, pyy))

@@ -1,7 +1,7 @@
 """One ray: its reflection at a facet, its landing on a detector, and the derivatives of the landing
 point.
 
-Vectors are tuples in the world frame, mm. Any number type.
+Vectors are tuples in the world frame, mm. All functions take any number type.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ def land(
 ) -> tuple[Number, Number]:
     """The point where a ray meets a detector: (psi, zeta), mm, in the detector's frame.
 
-    length: what `flight` gives. axes: the detector's x (its normal, away from the source), y and z
-    in the world. Undefined where direction . x <= 0: the ray never gets there.
+    length: from `flight`.  axes: the detector's x (its normal, away from the source), y and z in
+    the world. Undefined where direction . x <= 0: the ray never reaches the detector.
     """
     spot = subtract(add(start, scale(length, direction)), centre)
     return dot(spot, axes[1]), dot(spot, axes[2])
@@ -42,7 +42,7 @@ def land(
 def slant(axis: Vector, direction: Vector, normal: Vector) -> Vector:
     """The gradient of the coordinate along `axis` when the ray is shifted as a whole.
 
-    It is the projection along the ray, since a shift along the ray itself changes nothing.
+    It is the axis projected along the ray, because a shift along the ray itself changes nothing.
     """
     return combine(1, axis, -dot(direction, axis) / dot(direction, normal), normal)
 
@@ -56,7 +56,7 @@ def gradient_of_shift(along: Vector, beam: Vector, normal: Vector) -> Vector:
 
 
 def gradient_of_mirror(along: Vector, beam: Vector, normal: Vector) -> Vector:
-    """Gradient of a landing coordinate with respect to the apex, through which the facet goes."""
+    """Gradient of a landing coordinate with respect to the apex, which lies on the facet."""
     return scale(dot(along, beam) / dot(beam, normal), normal)
 
 

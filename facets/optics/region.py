@@ -1,20 +1,22 @@
-"""A standard normal distribution over a convex region with straight sides, inside a disc; closed.
+"""Closed moments of a standard normal distribution over a convex region inside a disc.
 
 Where a wedge is cut by straight edges and by a disc about the beam's centre, the divergence theorem
-still turns mass and moments into integrals over the sides. Each side lies on a line d n + s u, with
-n its outward normal, d its distance from the beam's centre (negative where the centre lies beyond
-it) and u = n turned by a quarter to the left; the other sides and the disc, of radius rho, leave a
-span s0..s1 of it. The arcs need no list of their own: along them the density is constant, and the
-normals and turns of a closed outline add up to zero and to a whole turn. With c = exp(-rho^2/2),
+still converts mass and moments to integrals over the sides. Each side is on a line d n + s u. Here
+n is the side's outward normal, d its distance from the beam's centre (negative where the centre is
+outside), and u is n turned by a quarter turn to the left. The other sides and the disc, of radius
+rho, limit the side to a span s0..s1. The arcs of the disc need no list of their own: along them the
+density is constant, and the normals and turns of a closed outline add up to zero and to a full
+turn. With c = exp(-rho^2/2),
 
     M1 = -sum n (L - c (s1 - s0) / 2 pi)
     M0 = sum (G(s0, d) - G(s1, d)) + (1 - c) arcs
 
-where G is `wedge.swept_mass` and arcs the share of a whole turn that the arcs subtend from the
-centre: 1 or 0, as the centre lies inside or outside, less what the spans subtend.
+where G is `wedge.swept_mass`, and arcs the fraction of a full turn that the arcs subtend from the
+centre: 1 or 0, if the centre is inside or outside, minus the fractions that the spans subtend.
 
-A region always has the same number of sides; one that bounds nothing lies FAR away. Good to some
-1e-16 of the whole beam, not of the light in the region: one with less than `DIM` has no place.
+A region always has the same number of sides; a side that bounds nothing is FAR away. Errors are
+some 1e-16 of the beam's light, not of the light in the region, so that a region with less than
+`DIM` has no centroid.
 """
 
 from __future__ import annotations
@@ -29,11 +31,13 @@ from .vectors import Plane
 
 Three = tuple[Any, Any, Any]
 
-#: A side this far from the beam's centre, in sigmas, bounds nothing, nor does a disc so wide.
+#: Distance of a side from the beam's centre, and radius of a disc, in sigmas. At this or a larger
+#: value they bound nothing.
 FAR = 1000.0
-#: Beyond all places on a side.
+#: End of an unlimited side, in sigmas.
 ENDLESS = 1e100
-#: The share of the beam below which a cut region has no place, because nine digits of it are lost.
+#: Fraction of the beam's light below which a cut region has no centroid, because nine of its digits
+#: are lost.
 DIM = 1e-7
 
 
@@ -50,8 +54,8 @@ NO_SPANS: tuple[Three, ...] = ((0.0, 0.0, 0.0),) * 8
 
 
 def region(sides: tuple[SideLine, ...], radius: Number) -> tuple[Any, Plane, tuple[Three, ...]]:
-    """Mass and centroid of the light inside the sides and the disc, NaN where it has no place; and
-    the moments of f of order 0, 1 and 2 along each side."""
+    """Mass and centroid of the light inside the sides and the disc, and the moments of f of order
+    0, 1 and 2 along each side. The centroid is NaN where the mass is below DIM."""
     bounded = radius < FAR
     rim = select(bounded, exp(-radius * radius / 2), 0.0)
     lows, highs = spans(sides, radius)
@@ -68,14 +72,14 @@ def region(sides: tuple[SideLine, ...], radius: Number) -> tuple[Any, Plane, tup
         x, y = x - side.x * excess, y - side.y * excess
         moments.append((length, first, second))
     mass = mass + (1 - rim) * (inside - arcs)
-    seen = mass > DIM
-    share = select(seen, 1 / select(seen, mass, 1.0), nan)
-    return select(mass > 0, mass, 0.0), (x * share, y * share), tuple(moments)
+    has_place = mass > DIM
+    inverse = select(has_place, 1 / select(has_place, mass, 1.0), nan)
+    return select(mass > 0, mass, 0.0), (x * inverse, y * inverse), tuple(moments)
 
 
 def spans(sides: tuple[SideLine, ...], radius: Number) -> tuple[list[Any], list[Any]]:
-    """The ends, low and high, of the span of each side that the other sides and the disc leave; low
-    is not below high where they leave none."""
+    """The ends, low and high, of each side's span inside the other sides and the disc; where the
+    span is empty, low is not below high."""
     lows, highs = [], []
     for side in sides:
         square = (radius - side.distance) * (radius + side.distance)
@@ -97,7 +101,7 @@ def spans(sides: tuple[SideLine, ...], radius: Number) -> tuple[list[Any], list[
 
 
 def cut_span(low: Number, high: Number, rest: Number, rate: Number, other: SideLine) -> Plane:
-    """The part of a span that another side leaves, where rest - rate s > 0."""
+    """The part of a span inside another side, where rest - rate s > 0."""
     counts = other.distance < FAR
     crosses = abs(rate) > 0
     end = rest / select(crosses, rate, 1.0)
@@ -109,9 +113,10 @@ def cut_span(low: Number, high: Number, rest: Number, rate: Number, other: SideL
 
 
 def span(low: Number, high: Number, d: Number, rim: Number) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """The integrals of a side from low to high: the mass that it sweeps over, the excess of f along
-    it over the density on the disc's rim, the share of a turn that it subtends, and the moments of
-    f of order 0, 1 and 2.
+    """The integrals along a side from low to high.
+
+    These are the mass that it sweeps over, the excess of f along it over the density on the disc's
+    rim, and the fraction of a turn that it subtends; then the moments of f of order 0, 1 and 2.
 
     d: the side's distance.  rim: exp(-radius^2 / 2).
     """

@@ -1,20 +1,19 @@
-"""Light far off the beam's centre: along a side, and in a wedge that holds little of it.
+"""Light far off the beam's centre: along a side, and in a wedge that contains little of it.
 
-The divergence theorem of `wedge` loses digits where the light that it gives is a small difference.
-Here all terms are positive, and all sums have the same length. There are two methods, each with one
+The divergence theorem of `wedge` loses digits where its result is a small difference. Here all
+terms are positive, and all sums have the same length. There are two methods, each with one
 Gauss-Legendre rule:
 
-`slice_sums` cuts the wedge parallel to its brighter side; the integrals along a slice are closed
-(`half_normal`), and the rule runs over the slices, as far as there is light.
+- `slices` cuts the wedge parallel to its brighter side. The integrals along a slice are closed
+  (`half_normal`), and the rule runs over the slices up to the end of the light.
+- `rays` runs over the angle of rays from the wedge's point, along which the integrals are closed,
+  too. It is for wedges narrower than NARROW that pass the beam's centre, where slices end too
+  steeply. A mirror has such wedges only when it is turned by more than a radian.
 
-`ray_sums` runs over the angle of rays from the wedge's point, along which the integrals are closed,
-too: for wedges narrower than NARROW_RAD that pass the beam's centre, where slices end too steeply.
-A mirror has them only when it is turned by more than a radian.
-
-Along a ray q + s u, with a = q . u and h = q x u, let v = s + a count from the ray's foot, the
-point nearest to the beam's centre. All is measured from the brighter side's foot, or from q where
-that side does not pass the centre, and in units of the light there, so that nothing underflows
-before the light itself does and nothing large cancels.
+Along a ray q + s u, with a = q . u and h = q x u, the coordinate v = s + a counts from the ray's
+foot, the point nearest to the beam's centre. Places are measured from the brighter side's foot, or
+from q where that side does not pass the centre, and light in units of the density there. Then
+nothing underflows before the light itself does, and no large terms cancel.
 """
 
 from __future__ import annotations
@@ -38,9 +37,9 @@ from .central import Side
 from .half_normal import tail_integrals
 from .vectors import Plane, dot2
 
-#: Sums over a wedge: of 1, x, y, x^2, x y, y^2.
+#: Integrals over the light in a wedge of 1, x, y, x^2, x y and y^2.
 Sums = tuple[Any, Any, Any, Any, Any, Any]
-#: (mass, centroid, 1 - covariance, centroid - q), see `wedge.wedge`.
+#: (mass, centroid, 1 - covariance, centroid - q), see `wedge.wedges`.
 Moments = tuple[Any, Plane, tuple[Any, Any, Any], Plane]
 
 #: Gauss-Legendre, 24 nodes on (0, 1): nodes and weights.
@@ -70,32 +69,32 @@ NODES = (
     (0.9873642779856547, 0.014265694314466832),
     (0.9975936099985107, 0.0061706148999936),
 )
-#: Light below exp(-ENOUGH) of the brightest is left out: 3e-17.
-ENOUGH = 38.0
-#: A wider wedge is halved first: the cosine of 2.3 rad.
+#: Light below exp(-NEGLIGIBLE) = 3e-17 of the brightest is neglected.
+NEGLIGIBLE = 38.0
+#: Cosine of the opening, 2.3 rad, above which a wedge is halved first.
 WIDE = cosine_of(2.3)
-#: A wedge is narrow below this opening, rad, where its darker side passes the beam's centre, too,
-#: and at an angle whose tangent is more than PASSES.
+#: Cosine of the opening, 0.65 rad, below which a wedge is narrow, if its darker side also passes
+#: the beam's centre, at an angle whose tangent is above PASSES.
 NARROW, PASSES = cosine_of(0.65), 0.07
-#: Beyond this exponent a number is larger than any that counts.
+#: Upper bound of exponents: exp of it is larger than any number with an effect.
 LARGE = 700.0
 #: The integral of exp(-x^2/2).
 WHOLE = root_of(2 * pi)
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-# Sums of products and Gaussians, free of the rounding that large numbers bring.
+# Sums of products and Gaussians without the rounding errors of large numbers.
 
 
 def product(a: float, b: float) -> tuple[float, float]:
     """The product a b exactly: the rounded product and its error (Dekker)."""
-    whole = round_product(a * b)
+    rounded = round_product(a * b)
     # 2^27 + 1 splits a float in two halves.
     big_a, big_b = round_product(134217729.0 * a), round_product(134217729.0 * b)
     high_a, high_b = big_a - (big_a - a), big_b - (big_b - b)
     low_a, low_b = a - high_a, b - high_b
-    missing = ((high_a * high_b - whole) + high_a * low_b + low_a * high_b) + low_a * low_b
-    return whole, missing
+    missing = ((high_a * high_b - rounded) + high_a * low_b + low_a * high_b) + low_a * low_b
+    return rounded, missing
 
 
 def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, float]:
@@ -105,12 +104,12 @@ def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, floa
     total = first + second
     part = total - first
     missing = (first - (total - part)) + (second - part) + first_missing + second_missing
-    whole = total + missing
-    return whole, missing - (whole - total)
+    rounded = total + missing
+    return rounded, missing - (rounded - total)
 
 
 def normalise(q: Plane, u: Plane) -> tuple[float, float, float]:
-    """Return (q . u, q x u, the error of the latter) for u normalised beyond its own rounding."""
+    """Return (q . u, q x u, the error of the latter), where u is normalised to twice its digits."""
     square, missing = sum_of_products(u[0], u[0], u[1], u[1])
     excess = ((square - 1) + missing) / 2
     a, _ = sum_of_products(q[0], u[0], q[1], u[1])
@@ -131,7 +130,8 @@ def gauss_of_point(q: Plane) -> float:
 
 
 def far_side(q: Plane, u: Plane) -> Side:
-    """One of `wedge.sides` at any distance of its point from the beam's centre."""
+    """The integrals of one of `wedge.sides`, at any distance of its point from the beam's
+    centre."""
     a, h, missing = normalise(q, u)
     along, across, density = exp(-a * a / 2), gauss(h, missing), gauss_of_point(q)
     zeroth, first, second = tail_integrals(abs(a))
@@ -148,8 +148,9 @@ def swept_mass(a: Number, h: Number, along: Number, across: Number, tail: Number
 
     along, across: exp(-a^2/2), exp(-h^2/2).  tail: the integral of exp(-x^2/2) beyond |a|.
 
-    With t the smaller over the larger of a and h, and x the larger: what is not erf is (arctan t)
-    / 2 pi less Owen's T of x and t, whose integrand is smooth, and negligible beyond 8.6 / x.
+    It is a term with erf, and (arctan t) / 2 pi minus Owen's T(x, t), where x is the larger of a
+    and h, and t the smaller over the larger. The integrand of T is smooth, and negligible beyond
+    8.6 / x.
     """
     tail = tail * (2 / WHOLE)
     beyond = select(a < 0, 2 - tail, tail)
@@ -173,11 +174,11 @@ def owen_term(node: Number, weight: Number, end: Number, half_square: Number) ->
 
 
 class BrighterSide(NamedTuple):
-    """The brighter side of a wedge, from which its light is counted.
+    """The brighter side of a wedge, from which places in the wedge are measured.
 
     a, h: q . u and q x u.  u: its direction.  sense: 1 where the wedge opens counter-clockwise from
-    it, else -1.  near: whether it passes the beam's centre: moments then count from its foot, else
-    from q.  scale: of the light there, which is f times 2 pi.
+    it, else -1.  near: whether it passes the beam's centre. Moments are then about its foot, else
+    about q.  scale: 2 pi times the density f at that point.
     """
 
     a: Any
@@ -189,11 +190,12 @@ class BrighterSide(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """A wedge as `slices` and `rays` see it from one side.
+    """A wedge in the frame of one of its sides, for `slices` and `rays`.
 
-    a: q . u of the side.  beyond: how far the wedge lies beyond the beam's centre.  c, s: cosine
-    and sine of its opening.  near: 1 where moments count from the side's foot, 0 where from q.
-    light: f at q in units of that at the foot.
+    a: q . u of the side.  beyond: distance of the side from the beam's centre, positive where the
+    centre is outside the wedge, in sigmas.  c, s: cosine and sine of the wedge's opening.  near: 1
+    where moments are about the side's foot, 0 where they are about q.  light: f at q over f at the
+    foot.
     """
 
     a: Any
@@ -205,7 +207,7 @@ class Cut(NamedTuple):
 
 
 def tail_wedge(q: Plane, u1: Plane, u2: Plane) -> Moments:
-    """`wedge.wedge` without cancellation; no light beyond some 37 sigmas."""
+    """The moments of one of `wedge.wedges` without cancellation; no light beyond some 37 sigmas."""
     (a1, h1, error1), (a2, h2, error2) = normalise(q, u1), normalise(q, u2)
     square, missing = sum_of_products(q[0], q[0], q[1], q[1])
     sine = sum_of_products(u1[0], u2[1], -u1[1], u2[0])[0]
@@ -214,12 +216,12 @@ def tail_wedge(q: Plane, u1: Plane, u2: Plane) -> Moments:
     near, sense = a < -1, select(swap, -1.0, 1.0)
     scale = select(near, gauss(h, error), exp(-square / 2) * (1 - missing / 2))
     side = BrighterSide(a, h, select_both(swap, u2, u1), sense, near, scale)
-    seen = sine > 0  # else from behind
+    faces_light = sine > 0  # else the light comes from behind
     flag, light = select(near, 1.0, 0.0), exp(-a * a / 2)
-    brighter = Cut(a, -sense * h, dot2(u1, u2), select(seen, sine, 1.0), flag, light)
+    brighter = Cut(a, -sense * h, dot2(u1, u2), select(faces_light, sine, 1.0), flag, light)
     darker = brighter._replace(a=select(swap, a1, a2), beyond=select(swap, -h1, h2), near=0.0)
     sums = sums_over(side, brighter, darker, select_both(swap, u1, u2))
-    mass = select(seen, scale * sums[0], 0.0)
+    mass = select(faces_light, scale * sums[0], 0.0)
     return moments_of(side, q, sums, select(mass > 0, mass, 0.0))
 
 
@@ -230,10 +232,10 @@ def select_both(condition: Any, a: Plane, b: Plane) -> Plane:
 def sums_over(side: BrighterSide, brighter: Cut, darker: Cut, v: Plane) -> Sums:
     """The sums over a wedge about the side's foot, or about q.
 
-    brighter, darker: the wedge as seen from its two sides.  v: direction of the darker side.
+    brighter, darker: the wedge in the frames of its two sides.  v: direction of the darker side.
     """
     u, near, wide = side.u, side.near, brighter.c < WIDE
-    # Each half counts from its own side, because rounding of an angle near pi would show.
+    # Each half is measured from its own side, because an angle near pi has a large rounding error.
     c = select(wide, sqrt((1 + brighter.c) / 2), brighter.c)
     s = select(wide, sqrt((1 - brighter.c) / 2), brighter.s)
     sums = slices(brighter._replace(c=c, s=s), u, side.sense)
@@ -254,7 +256,7 @@ def add_sums(a: Sums, b: Sums) -> Sums:
 
 
 def shift_sums(sums: Sums, factor: Number, x: Number, y: Number) -> Sums:
-    """The sums times a factor, about another point: x, y are the old one relative to the new."""
+    """The sums times a factor, about another point.  x, y: the old point relative to the new."""
     mass, px, py = factor * sums[0], factor * sums[1], factor * sums[2]
     return (
         mass,
@@ -267,7 +269,7 @@ def shift_sums(sums: Sums, factor: Number, x: Number, y: Number) -> Sums:
 
 
 def turn_sums(sums: Sums, u: Plane, w: Plane) -> Sums:
-    """The sums of x = t u + r w, from those of 1, t, r, t^2, t r, r^2."""
+    """The sums for places t u + r w, from the sums of 1, t, r, t^2, t r and r^2."""
     mass, t, r, tt, tr, rr = sums
     return (
         mass,
@@ -282,16 +284,20 @@ def turn_sums(sums: Sums, u: Plane, w: Plane) -> Sums:
 def moments_of(side: BrighterSide, q: Plane, sums: Sums, mass: Number) -> Moments:
     """The moments of a wedge from its sums; NaN without light."""
     lit, near, u = mass > 0, side.near, side.u
-    share = select(lit, 1 / select(lit, sums[0], 1.0), nan)
-    x, y = sums[1] * share, sums[2] * share
-    spread = (1 - sums[3] * share + x * x, x * y - sums[4] * share, 1 - sums[5] * share + y * y)
+    inverse = select(lit, 1 / select(lit, sums[0], 1.0), nan)
+    x, y = sums[1] * inverse, sums[2] * inverse
+    spread = (
+        1 - sums[3] * inverse + x * x,
+        x * y - sums[4] * inverse,
+        1 - sums[5] * inverse + y * y,
+    )
     foot = select(near, side.h * u[1], q[0]), select(near, -side.h * u[0], q[1])
     ahead = select(near, side.a, 0.0)
     return mass, (foot[0] + x, foot[1] + y), spread, (x - ahead * u[0], y - ahead * u[1])
 
 
 def slices(cut: Cut, u: Plane, sense: Number) -> Sums:
-    """The sums over a wedge by slices parallel to a side.  u, sense: as in `BrighterSide`."""
+    """The sums over a wedge by slices parallel to a side.  u, sense: see `BrighterSide`."""
     end = last_slice(cut)
     sums = sum_over(slice_term, NODES, end, cut)
     size, base = end * cut.s / (2 * pi), select(cut.near > 0, 0.0, cut.c)
@@ -302,20 +308,21 @@ def slices(cut: Cut, u: Plane, sense: Number) -> Sums:
 def last_slice(cut: Cut) -> Number:
     """The end of the slices' light, along the darker side, in sigmas."""
     a, beyond, c, s, near, _ = cut
-    a2, whole = a * c + beyond * s, root_of(2 * ENOUGH)
-    end = 2 * ENOUGH / (sqrt(a2 * a2 + 2 * ENOUGH) + a2)
-    # Past the start of the slices beside the centre, the light falls with `beyond` alone.
-    beside = (sqrt(beyond * beyond + 2 * ENOUGH + a * a) - beyond) / s
+    a2, largest = a * c + beyond * s, root_of(2 * NEGLIGIBLE)
+    end = 2 * NEGLIGIBLE / (sqrt(a2 * a2 + 2 * NEGLIGIBLE) + a2)
+    # The light of slices that start past the centre decreases with `beyond` alone.
+    past_centre = (sqrt(beyond * beyond + 2 * NEGLIGIBLE + a * a) - beyond) / s
     past = select(c < 0, -a / select(c < 0, c, 1.0), end)
     start = select(past < end, past, end)
-    far = select(a + end * c < 0, select(beside > start, beside, start), end)
-    depth = 2 * ENOUGH / ((sqrt(beyond * beyond + 2 * ENOUGH) + beyond) * s)
-    short = select(c > 0, (whole - a) / select(c > 0, c, 1.0), depth)
+    far = select(a + end * c < 0, select(past_centre > start, past_centre, start), end)
+    depth = 2 * NEGLIGIBLE / ((sqrt(beyond * beyond + 2 * NEGLIGIBLE) + beyond) * s)
+    short = select(c > 0, (largest - a) / select(c > 0, c, 1.0), depth)
     return select(near > 0, select(short < depth, short, depth), far)
 
 
 def slice_term(node: Number, weight: Number, end: Number, cut: Cut) -> Sums:
-    """The sums of 1, t, r, t^2, t r, r^2 over one slice, with t along the slice and r to it."""
+    """The sums of 1, t, r, t^2, t r and r^2 over one slice: t is the place along the slice, r the
+    distance of the slice."""
     a, beyond, c, s, _, _ = cut
     near, r = cut.near > 0, end * node
     start, rise = a + r * c, r * s
@@ -328,13 +335,13 @@ def slice_term(node: Number, weight: Number, end: Number, cut: Cut) -> Sums:
     first = select(near, light, away)
     second = select(near, zeroth + start * light, select(towards, zeroth - start * away, m2))
     fall = select(near, rise * (beyond + rise / 2), r * (a * c + beyond * s + r / 2))
-    share = weight * exp_at_most(-fall)
-    zeroth, first = share * zeroth, share * first
-    return zeroth, first, r * zeroth, share * second, r * first, r * r * zeroth
+    factor = weight * exp_at_most(-fall)
+    zeroth, first = factor * zeroth, factor * first
+    return zeroth, first, r * zeroth, factor * second, r * first, r * r * zeroth
 
 
 def exp_at_most(x: Number) -> Number:
-    """exp(x), or exp(LARGE) where x is larger: where a facet is seen from behind."""
+    """The smaller of exp(x) and exp(LARGE); x is larger where light meets a facet from behind."""
     return exp(select(x < LARGE, x, LARGE))
 
 
@@ -344,10 +351,10 @@ def rays(cut: Cut, u: Plane, sense: Number) -> Sums:
     centre = -atan2(cut.beyond, -cut.a)  # the ray's angle through the beam's centre
     ahead = cut.beyond > 0
     depth = select(ahead, cut.beyond, 0.0)
-    end = ray_angle(depth * depth + 2 * ENOUGH, square) + centre
+    end = ray_angle(depth * depth + 2 * NEGLIGIBLE, square) + centre
     opening = atan2(cut.s, cut.c)
     end = select(opening < end, opening, end)
-    begin = centre - ray_angle(2 * ENOUGH, square)
+    begin = centre - ray_angle(2 * NEGLIGIBLE, square)
     begin = select(begin > 0, begin, 0.0)
     middle = select(ahead, 0.0, centre)
     before = where_any(cut.beyond < 0, NOTHING, rays_between, begin, middle, cut)
@@ -360,17 +367,18 @@ def rays_between(begin: Number, end: Number, cut: Cut) -> Sums:
 
 
 def ray_angle(height: Number, square: Number) -> Number:
-    """The angle between the ray through the beam's centre and a ray that passes it at a height; a
-    quarter turn if no ray is so high.
+    """The angle between the ray through the beam's centre and a ray that passes the centre at a
+    certain distance; a quarter turn if no ray passes at this distance.
 
-    height: the square of that height.  square: the square of the distance of q.
+    height, square: squares of this distance and of the distance of q, in sigmas squared.
     """
     rest = square - height
     return atan2(sqrt(height), sqrt(select(rest > 0, rest, 0.0)))
 
 
 def ray_term(node: Number, weight: Number, begin: Number, end: Number, cut: Cut) -> Sums:
-    """The sums of `slice_term` over the rays about one angle, with r across the brighter side."""
+    """The sums of `slice_term` over the rays about one angle; r is the distance from the brighter
+    side."""
     a, beyond, _, _, _, light = cut
     angle = begin + (end - begin) * node
     c, s, half = cos(angle), sin(angle), sin(angle / 2)

@@ -1,8 +1,9 @@
 """A standard normal distribution over a wedge: mass, centroid, and their derivatives, closed.
 
-Seen along the beam, a facet is a wedge with its point at the apex. In units of the beam's sigma the
-beam is a standard normal distribution f about the origin, and the wedge is the set q + s u(angle)
-with its two sides along the unit vectors u1 and u2, counter-clockwise by less than half a turn.
+Seen along the beam, a facet is a wedge with its point at the apex. In units of the beam's sigma,
+the beam is a standard normal distribution f about the origin. The wedge is the set of points q + s
+u(angle) between its sides along the unit vectors u1 and u2, counter-clockwise by less than half a
+turn.
 
 A side is the half-line q + s u, s > 0. With a = q . u and h = q x u, its integrals are
 
@@ -10,14 +11,15 @@ A side is the half-line q + s u, s > 0. With a = q . u and h = q x u, its integr
     first   K = int s f ds = f(q) - a L
     second  J = int s^2 f ds = L - a K
 
-The divergence theorem turns the wedge's moments into these: M1 = -(n1 L1 + n2 L2), with n the
-outward normals. The mass is that of a wedge pointed at the beam's centre, angle / 2 pi, plus what
-each side sweeps over while the point moves from there to q (`swept_mass`). Where the mass is small
-this sum cancels; `tail.tail_wedge` then integrates over slices, where all terms are positive.
+By the divergence theorem the wedge's first moments are sums of these: M1 = -(n1 L1 + n2 L2), where
+n are the outward normals. The mass is that of a wedge with its point at the beam's centre, angle /
+2 pi, plus the masses that the sides sweep over while the point moves from there to q
+(`swept_mass`). Where the mass is small, this sum cancels. `tail.tail_wedge` then integrates over
+slices, whose terms are all positive.
 
-Derivatives follow from the normal distribution being an exponential family: with centroid C and
-covariance S of the light in the wedge, dM0/dq = -M0 C and dC/dq = 1 - S; turning a side adds
-or removes a sliver with moments K and J.
+The normal distribution is an exponential family. With centroid C and covariance S of the light in
+the wedge, the derivatives are therefore dM0/dq = -M0 C and dC/dq = 1 - S. Turning a side adds or
+removes a sliver with the moments K and J.
 """
 
 from __future__ import annotations
@@ -45,17 +47,17 @@ Pair = tuple[Plane, Plane, Side, Side]
 
 
 def sides(q: Plane, directions: Planes) -> tuple[Side, ...]:
-    """(length, first, second, swept) of each side from `q` along a unit vector."""
+    """The integrals (length, first, second, swept) of each side from `q` along a unit vector."""
     if has_more_digits(q[0]):
         return tuple(precise_side(dot2(q, u), cross2(q, u)) for u in directions)
     far = q[0] * q[0] + q[1] * q[1] >= CENTRAL_SQUARED
     usual = tuple(side_central(q, dot2(q, u), cross2(q, u)) for u in directions)
-    given = tuple((q, u) for u in directions)
-    return where_each(tuple(far for _ in given), usual, far_side, given)
+    arguments = tuple((q, u) for u in directions)
+    return where_each(tuple(far for _ in arguments), usual, far_side, arguments)
 
 
 def precise_side(a: Number, h: Number) -> Side:
-    """One of `sides` by its definitions. a, h: q . u and q x u."""
+    """The integrals of one side by their definitions, in any precision.  a, h: q . u and q x u."""
     root = sqrt(pi(a) + pi(a))
     half_turn = sqrt(a * 0 + 2)
     across = exp(-h * h / 2)
@@ -71,10 +73,10 @@ def moments_along(a: Number, density: Number, length: Number) -> tuple[Number, N
 
 
 def swept_mass(a: Number, h: Number) -> Number:
-    """The mass that a side sweeps over while its end moves straight from the beam's centre to q, in
-    any precision.
+    """The mass that a side sweeps over while its end moves in a straight line from the beam's
+    centre to q, in any precision.
 
-    h int_0^1 L(k a, k h) dk, positive where the centre lies to the left of the side.
+    It is h int_0^1 L(k a, k h) dk, positive where the centre is on the side's left.
     """
     root, half_turn = sqrt(8 * pi(a)), sqrt(a * 0 + 2)
 
@@ -85,33 +87,33 @@ def swept_mass(a: Number, h: Number) -> Number:
 
 
 def wedges(q: Plane, pairs: tuple[Pair, ...]) -> tuple[Moments, ...]:
-    """(mass, centroid, 1 - covariance, centroid - q) of the light in each wedge.
+    """The moments (mass, centroid, 1 - covariance, centroid - q) of the light in each wedge.
 
     The third is a symmetric matrix as xx, xy, yy: the derivative of the centroid by q.
 
-    q: the wedges' point.  pairs: two sides, unit vectors, the second counter-clockwise of the first
-    by less than half a turn, and what `sides` gives for them. Units of the beam's sigma, about the
-    beam's centre.
+    q: the wedges' point, in sigmas from the beam's centre.  pairs: for each wedge the unit vectors
+    of its two sides, the second less than half a turn counter-clockwise of the first, and the
+    integrals of these sides from `sides`.
     """
     masses = tuple(closed_mass(*pair) for pair in pairs)
     if has_more_digits(q[0]):
         return tuple(
             closed_moments(q, *pair, mass) for pair, mass in zip(pairs, masses, strict=True)
         )
-    least = FAINT_MASS * (1 + abs(q[0]) + abs(q[1]))
-    faint = tuple((mass <= least) & (mass <= BRIGHT_MASS) for mass in masses)
+    limit = FAINT_MASS * (1 + abs(q[0]) + abs(q[1]))
+    faint = tuple((mass <= limit) & (mass <= BRIGHT_MASS) for mass in masses)
     bright = tuple(
-        closed_moments(q, *pair, select(dark, 1.0, mass))
-        for pair, dark, mass in zip(pairs, faint, masses, strict=True)
+        closed_moments(q, *pair, select(is_faint, 1.0, mass))
+        for pair, is_faint, mass in zip(pairs, faint, masses, strict=True)
     )
-    given = tuple((q, *pair[:2]) for pair in pairs)
-    return where_each(faint, bright, tail_wedge, given)
+    arguments = tuple((q, *pair[:2]) for pair in pairs)
+    return where_each(faint, bright, tail_wedge, arguments)
 
 
-#: Below this mass, times 1 + |q|, the closed form has lost two digits to cancellation, and
+#: Mass over 1 + |q| below which the closed form has lost two digits to cancellation, so that
 #: `tail_wedge` is used.
 FAINT_MASS = 0.01
-#: Above this mass nothing cancels at any distance.
+#: Mass above which the closed form loses no digits at any distance.
 BRIGHT_MASS = 0.3
 
 
@@ -135,10 +137,9 @@ def closed_moments(
 
 
 def turn_derivative(u: Plane, ray: Side, mass: Number, from_point: Plane) -> tuple[Number, Plane]:
-    """The derivatives of mass and centroid by the angle of side `ray`, in the direction that opens
-    the wedge, per radian.
+    """The derivatives of mass and centroid by the angle of a side that opens the wedge, per radian.
 
-    from_point: the centroid less the wedge's point.
+    ray: the side's integrals.  from_point: the centroid minus the wedge's point.
     """
     _, first, second, _ = ray
     x = u[0] * second - from_point[0] * first
