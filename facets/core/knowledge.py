@@ -22,7 +22,7 @@ class Prior:
 
     >>> import facets
     >>> facets.Prior(mean=(0.0, 0.1), sigma=0.005)  # the beam at y = 0.1 mm, within 5 um
-    Prior(mean=(0.0, 0.1), sigma=0.005)
+    Prior(mean=(0, 0.1), sigma=0.005)
     """
 
     mean: ArrayLike
@@ -57,7 +57,7 @@ class Knowledge:
 
     >>> import facets
     >>> facets.Knowledge(beam="known").beam_prior
-    Prior(mean=(0.0, 0.0), sigma=0.0)
+    Prior(mean=(0, 0), sigma=0)
     """
 
     beam: BeamKnowledge = "free"
