@@ -17,13 +17,13 @@ from ..optics.forward import readings
 
 
 def complaint(sensor: Sensor) -> str:
-    """What is wrong with where the sub-beams land, or with their light; "" if nothing is."""
+    """Describe what is wrong with the sub-beams' places or light; "" if nothing is."""
     return describe_misses(sensor) or describe_dark_detectors(sensor)
 
 
 def spots(sensor: Sensor) -> Floats:
-    """The places (3, 2) at which the sub-beams land at the nominal pose, psi and zeta, mm; NaN
-    where one misses the plane of its detector."""
+    """Places (3, 2) of the spots at the nominal pose, psi and zeta, mm; NaN for a sub-beam that
+    misses the plane of its detector."""
     try:
         return np.array(readings(geometry_of(sensor), (0.0,) * 8), dtype=float)[:, :2]
     except ZeroDivisionError:  # A ray may run exactly along a plane.
@@ -35,14 +35,15 @@ def powers(sensor: Sensor) -> Floats:
     if sensor.apertures == Apertures() and sensor.light == BenchLight():
         return np.full(3, sensor.beam.power)  # nothing cuts the light
     # One row: a command's batches take the same code, single states another.
-    seen: Floats = model_readings(sensor, np.zeros((1, 8)))[0, 2::3]
-    return seen
+    measured: Floats = model_readings(sensor, np.zeros((1, 8)))[0, 2::3]
+    return measured
 
 
 def misses(sensor: Sensor) -> Floats:
-    """How far each spot is from the middle of its detector (3,), in half-sizes: on it up to 1."""
-    apart: Floats = np.abs(spots(sensor) / half_sizes(sensor)).max(axis=1)
-    return np.where(np.isnan(apart), math.inf, apart)
+    """Distance of each spot from the middle of its detector (3,), in half-sizes; 1 or less on
+    it."""
+    distances: Floats = np.abs(spots(sensor) / half_sizes(sensor)).max(axis=1)
+    return np.where(np.isnan(distances), math.inf, distances)
 
 
 def worst_miss(sensor: Sensor) -> float:
@@ -65,5 +66,5 @@ def describe_misses(sensor: Sensor) -> str:
 
 
 def describe_dark_detectors(sensor: Sensor) -> str:
-    dark = ", ".join(DETECTORS[k] for k in np.flatnonzero(~(powers(sensor) > 0)))
-    return f"leaves no light on PSD {dark} at the nominal pose" if dark else ""
+    letters = ", ".join(DETECTORS[k] for k in np.flatnonzero(~(powers(sensor) > 0)))
+    return f"leaves no light on PSD {letters} at the nominal pose" if letters else ""

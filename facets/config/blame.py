@@ -1,7 +1,7 @@
-"""Find the keys that cause a problem, and the lines where they stand.
+"""Find the keys that cause a problem, and their lines.
 
-A user can change the file that was asked for, so its keys are named if any of them takes part, and
-keys of the files that it extends only otherwise.
+A user can change the loaded file, so its keys are named if any of them takes part, and keys of the
+files that it extends only otherwise.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ def message(tree: Marked, paths: Sequence[Path_], reason: str) -> str:
     """Write `FILE:LINE: key.path: reason`, for the first key that the user's own file sets, else
     for the first that any file sets; the other keys follow the reason."""
     marks = [(*tree.find(path), path) for path in paths]
-    known = [(mark, path) for mark, at, path in marks if at == path]
-    known.sort(key=lambda pair: pair[0].file != tree.file)
-    (mark, path), *others = known or [(marks[0][0], paths[0])]
-    beside = ", ".join(f"{dotted_path(path)} ({other.place})" for other, path in others)
+    present = [(mark, path) for mark, at, path in marks if at == path]
+    present.sort(key=lambda pair: pair[0].file != tree.file)
+    (mark, path), *others = present or [(marks[0][0], paths[0])]
+    other_keys = ", ".join(f"{dotted_path(path)} ({other.place})" for other, path in others)
     text = reason if reason.startswith(dotted_path(path)) else f"{dotted_path(path)}: {reason}"
-    return f"{mark.place}: {text}{beside and f'; together with {beside}'}"
+    return f"{mark.place}: {text}{other_keys and f'; together with {other_keys}'}"
 
 
 def leaves(mark: Marked, path: Path_ = ()) -> Iterator[tuple[Path_, Marked]]:
@@ -58,7 +58,7 @@ def _remove_key(mark: Marked, path: Path_) -> Marked:
 def culprits(tree: Marked, misses: Misses) -> list[Path_]:
     """The keys of the sensor that make it fail.
 
-    misses: measures the failure of a tree; up to 1 where it does not fail. The result is one key of
+    misses: measures the failure of a tree; 1 or less for none. The result is one key of
     the user's own file if that suffices, else the fewest of that file, else the fewest of all
     files.
     """
@@ -78,7 +78,7 @@ def smallest_set(tree: Marked, paths: list[Path_], misses: Misses) -> list[Path_
     other."""
     chosen = list(paths)
     for path in paths:
-        fewer = [kept for kept in chosen if kept != path]
+        fewer = [other for other in chosen if other != path]
         if misses(remove_keys(tree, fewer)) <= 1:
             chosen = fewer
     return chosen

@@ -80,13 +80,13 @@ class ValueCheck:
             return {name: self._named_block(node, name, values[name], path) for name in values}
         keys, checked = node["properties"], {}
         for name, inner in keys.items():
-            here = (*path, name)
+            place = (*path, name)
             if name in values:
-                checked[name] = self.value(inner, values[name], here, is_filled)
+                checked[name] = self.value(inner, values[name], place, is_filled)
             elif is_filled and "default" in inner:
-                checked[name] = self.value(inner, inner["default"], here)
+                checked[name] = self.value(inner, inner["default"], place)
             elif name in node.get("required", ()):
-                self.problems.append((here, missing_key(here, inner)))
+                self.problems.append((place, missing_key(place, inner)))
         if "additionalProperties" in node:
             for name in [name for name in values if name not in keys]:
                 self.problems.append(((*path, name), unknown_key((*path, name), keys)))

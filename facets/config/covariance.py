@@ -22,6 +22,7 @@ def read(path: Path, degrees_of_freedom: float | None = None) -> Calibration:
         raise InputError(f"{path}: {error}") from None
 
 
-def columns(known: Calibration) -> dict[str, list[float]]:
+def columns(calibration: Calibration) -> dict[str, list[float]]:
     """Return a covariance as columns of a table."""
-    return {name: [row[n] for row in known.covariance] for n, name in enumerate(known.names)}
+    rows = calibration.covariance
+    return {name: [row[n] for row in rows] for n, name in enumerate(calibration.names)}

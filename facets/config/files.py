@@ -39,11 +39,11 @@ def find(name_or_path: str | Path, base: Path | None = None) -> Path:
 
 
 def _missing_file(name_or_path: str, file: Path, names: dict[str, Path]) -> str:
-    beside = [f.name for f in file.parent.glob("*") if f.suffix in SUFFIXES]
+    nearby = [f.name for f in file.parent.glob("*") if f.suffix in SUFFIXES]
     bare = Path(name_or_path).name == name_or_path
-    known = [*names, *beside] if bare else beside
+    candidates = [*names, *nearby] if bare else nearby
     what = "no such file" if not bare or file.suffix in SUFFIXES else "no such file or shipped name"
-    hint = suggest_name(file.name, known)
+    hint = suggest_name(file.name, candidates)
     return f"{name_or_path}: {what}{hint} (shipped names: {', '.join(names)})"
 
 
@@ -51,18 +51,18 @@ def _missing_file(name_or_path: str, file: Path, names: dict[str, Path]) -> str:
 MOST_FILES = 50
 
 
-def gather(file: Path, known: dict[Path, Marked] | None = None) -> Marked:
+def gather(file: Path, files: dict[Path, Marked] | None = None) -> Marked:
     """Merge a file over all files that it extends; each value keeps its file and line.
 
-    known: receives all these files.
+    files: receives all these files.
     """
-    return _gather_files(file, (), {} if known is None else known)
+    return _gather_files(file, (), {} if files is None else files)
 
 
-def _gather_files(file: Path, children: tuple[Path, ...], known: dict[Path, Marked]) -> Marked:
-    """Merge a file; known: files that have been merged already, so that each is read once."""
-    if file in known:
-        return known[file]
+def _gather_files(file: Path, children: tuple[Path, ...], merged: dict[Path, Marked]) -> Marked:
+    """Merge a file; merged: files that have been merged already, so that each is read once."""
+    if file in merged:
+        return merged[file]
     tree = read(file)
     _drop_imperfections(tree)
     extends = tree.value.pop("extends", None)
@@ -78,14 +78,14 @@ def _gather_files(file: Path, children: tuple[Path, ...], known: dict[Path, Mark
             raise ConfigError(
                 f"{link.place}: extends: the files extend each other in a circle: {circle}"
             )
-        if len(known) + len(chain) > MOST_FILES:
+        if len(merged) + len(chain) > MOST_FILES:
             raise ConfigError(
                 f"{link.place}: extends: more than {MOST_FILES} files in all; combine some of them"
             )
-        below = _gather_files(parent, chain, known)
+        below = _gather_files(parent, chain, merged)
         laid = below if laid is None else merge(laid, below)
-    known[file] = tree if laid is None else merge(laid, tree)
-    return known[file]
+    merged[file] = tree if laid is None else merge(laid, tree)
+    return merged[file]
 
 
 def _drop_imperfections(tree: Marked) -> None:

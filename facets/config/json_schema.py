@@ -1,4 +1,4 @@
-"""The JSON Schema of a configuration, for editors, and what it says about each key."""
+"""The JSON Schema of a configuration, for editors, and the allowed values of a key in words."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from .yaml_positions import Path_, dotted_path
 def schema() -> Node:
     """JSON Schema, draft 2020-12, of a configuration file, for editors.
 
-    It accepts more than `load` where a single file cannot decide: a motion may leave out inherited
-    keys, be empty to remove an inherited motion, and a block may be empty.
+    It accepts more than `load` where a single file cannot decide: a motion may omit inherited keys
+    or be empty to remove an inherited motion, and a block may be empty.
     """
     dialect = "https://json-schema.org/draft/2020-12/schema"
     blocks = document()["$defs"]
@@ -34,7 +34,7 @@ def _editors_node(block: Node) -> Node:
 def entry(path: Path_, plain: Any = None) -> Node | None:
     """Return the schema of the key at `path`; None for an unknown key.
 
-    plain: the document's values, which tell the kind of each motion.
+    plain: the document's values, which contain the kind of each motion.
     """
     node: Node | None = document()
     for key in path:
@@ -173,10 +173,10 @@ def key_names(path: Path_) -> list[str]:
 TOP_LEVEL = "at the file's top level"
 
 
-def suggestion(path: Path_, known: list[str]) -> str:
-    """Suggest the nearest known name for an unknown key, or the block to which it belongs."""
+def suggestion(path: Path_, allowed: list[str]) -> str:
+    """Suggest the nearest allowed name for an unknown key, or the block to which it belongs."""
     wrong = path[-1]
-    if near := suggest_name(str(wrong), known):
+    if near := suggest_name(str(wrong), allowed):
         return near
     for *above, name in _all_paths(()):
         if name == wrong:

@@ -215,8 +215,8 @@ def _locate_measured_files(tree: Marked, sensor: dict[str, Any]) -> list[str]:
 
 
 def _wide_edges(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """Check that losses and roll-off at edges and tip are small beside the beam: the model is of
-    first order."""
+    """Check that losses and roll-off at edges and tip are small compared with the beam, because the
+    model is of first order."""
     diameter = sensor["beam"]["diameter_mm"]
     narrow = 1e3 * (min(diameter) if isinstance(diameter, list | tuple) else diameter)
     light = sensor["light"]
@@ -229,7 +229,7 @@ def _wide_edges(tree: Marked, sensor: dict[str, Any]) -> list[str]:
         if widest > most:
             paths = [("sensor", "light", name), ("sensor", "beam", "diameter_mm")]
             reason = (
-                f"sensor.light.{name} is not small beside the beam, which the model needs (got "
+                f"sensor.light.{name} is not small compared with the beam, as the model needs (got "
                 f"{widest:g}; allowed: up to {most:.3g} {unit} with a beam of {narrow / 1e3:g} mm)"
             )
             problems.append(message(tree, paths, reason))
@@ -256,7 +256,7 @@ def _gained_strips(tree: Marked, sensor: dict[str, Any]) -> list[str]:
 
 
 def _empty_bounds(tree: Marked, variables: dict[str, Any]) -> list[str]:
-    """Check that the least value of each variable is below its largest."""
+    """Check that the lowest value of each variable is below its highest."""
     return [
         f"{tree.find(('optimize', 'variables', name))[0].place}: optimize.variables.{name}: "
         f"the least must be below the most (got {quote_value(list(pair))})"
@@ -308,7 +308,7 @@ GRAVITY_M_S2 = 9.81
 
 
 def _stage_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
-    """Check that a stage that can hurt somebody has a permit and a heartbeat."""
+    """Check that a stage with a dangerous force has a permit and a heartbeat."""
     inertia = keys["mass_kg"] * max(GRAVITY_M_S2, keys["acceleration_mm_s2"] / 1e3)
     force = max(keys["force_n"], inertia)
     lacking = [f"stage.{name}" for name in ("permit", "heartbeat") if keys[name] is None]
@@ -322,9 +322,9 @@ def _stage_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
 
 
 def _method_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
-    """Check the beam and power for the paper's inversion, which allows one way only.
+    """Check the beam and power for the paper's inversion, which allows one choice only.
 
-    A power that is not given counts as known there, whatever the default.
+    An omitted power counts as known there, whatever the default.
     """
     if keys["method"] != "paper":
         return []
@@ -336,8 +336,7 @@ def _method_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
                 message(
                     tree,
                     [place, ("solve", "method")],
-                    f"solve.{key}: {keys[key]} does not go with `method: paper` "
-                    f"(allowed: {needed})",
+                    f"solve.{key}: {keys[key]} does not fit `method: paper` (allowed: {needed})",
                 )
             )
     return problems

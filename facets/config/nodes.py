@@ -108,5 +108,5 @@ def _key_node(key: Key, definitions: dict[str, Node]) -> Node:
         node = {"type": "array", "items": refer(key.listed), "maxItems": key.bounds["max_length"]}
     else:
         node = _value_node(key)
-    known = {} if key.default is MISSING else {"default": key.default}
-    return {**node, "description": key.meaning, **known}
+    default = {} if key.default is MISSING else {"default": key.default}
+    return {**node, "description": key.meaning, **default}

@@ -27,8 +27,8 @@ def wrong_name(name: str) -> str:
     return f"a name is letters, digits, '.', '_' and '-' (got {quote_value(name)})"
 
 
-def unknown_key(path: Path_, known: Iterable[str]) -> str:
-    return f"unknown key{suggestion(path, list(known))} (allowed: {', '.join(known)})"
+def unknown_key(path: Path_, allowed: Iterable[str]) -> str:
+    return f"unknown key{suggestion(path, list(allowed))} (allowed: {', '.join(allowed)})"
 
 
 def missing_key(path: Path_, node: Node) -> str:

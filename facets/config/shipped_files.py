@@ -8,9 +8,9 @@ from pathlib import Path
 
 def shipped() -> dict[str, Path]:
     """The configurations that come with the package, by name."""
-    inside = Path(__file__).parents[1] / "configs"  # installed
-    beside = Path(__file__).parents[2] / "configs"  # in the source tree
-    folder = inside if inside.is_dir() else beside
+    installed = Path(__file__).parents[1] / "configs"
+    in_source_tree = Path(__file__).parents[2] / "configs"
+    folder = installed if installed.is_dir() else in_source_tree
     return {file.stem: file for file in sorted(folder.glob("*.yaml"), key=lambda file: file.stem)}
 
 

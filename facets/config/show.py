@@ -25,17 +25,17 @@ def to_yaml(config: Config) -> str:
 
 def _block_lines(keys: dict[str, Any], path: Path_, document: dict[str, Any]) -> Iterator[str]:
     for key, value in keys.items():
-        here = (*path, key)
+        place = (*path, key)
         indent = "  " * len(path)
         if not isinstance(value, dict):
-            yield _key_line(f"{indent}{scalar(key)}: {scalar(value)}", here, document)
+            yield _key_line(f"{indent}{scalar(key)}: {scalar(value)}", place, document)
         elif not value:
             yield f"{indent}{scalar(key)}: {{}}"
         elif _is_place(value):
             yield from _place_lines(indent, key, value)
         else:
             yield f"{indent}{scalar(key)}:"
-            yield from _block_lines(value, here, document)
+            yield from _block_lines(value, place, document)
 
 
 def _key_line(text: str, path: Path_, document: dict[str, Any]) -> str:

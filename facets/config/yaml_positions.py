@@ -53,8 +53,8 @@ class Marked:
         value: Marked = self
         for depth, key in enumerate(path):
             inside = value.value
-            known = isinstance(inside, dict) and key in inside
-            if not known and not (isinstance(inside, list) and key in range(len(inside))):
+            has_key = isinstance(inside, dict) and key in inside
+            if not has_key and not (isinstance(inside, list) and key in range(len(inside))):
                 return value, path[:depth]
             value = inside[key]
         return value, path
@@ -175,7 +175,7 @@ class _Reader:
             key, line = self.block
             raise ConfigError(
                 f"{path_text(self.file)}:{line}: {key}: more than {MOST_VALUES:,} values, "
-                "counted with what aliases (*name) stand for; do not let aliases hold aliases"
+                "including those of aliases (*name); do not let aliases contain aliases"
             )
 
     def _scalar(self, node: ScalarNode, line: int, path: Path_) -> Any:

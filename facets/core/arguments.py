@@ -1,4 +1,4 @@
-"""Check the arguments of public functions: arrays of numbers by value, all others by annotation.
+"""Check the arguments of public functions: arrays of numbers by value, others by annotation.
 
 Python accepts any argument, and NumPy converts text, complex numbers and masked or missing values
 to numbers. Therefore each public function is decorated with `check_arguments`, and `as_floats`
@@ -36,19 +36,19 @@ SHORT.maxstring = SHORT.maxother = 40
 
 
 class Numbers:
-    """Stands for the annotations `ArrayLike` and `Floats`."""
+    """Placeholder for the annotations `ArrayLike` and `Floats`."""
 
 
 class Frame:
-    """Stands for the annotation `DataFrame` of pandas, which nothing imports for a check."""
+    """Placeholder for the annotation `DataFrame` of pandas, which no check imports."""
 
 
-#: What stands for annotations whose types are not tested as such, or not imported.
-STAND_INS = {"ArrayLike": Numbers, "Floats": Numbers, "DataFrame": Frame, "Dataset": Any}
+#: Placeholders for annotations whose types are not tested as such, or not imported.
+PLACEHOLDERS = {"ArrayLike": Numbers, "Floats": Numbers, "DataFrame": Frame, "Dataset": Any}
 
 
 class NotNumbersError(Exception):
-    """The reason why values are no array of numbers: "has text in it ('1')"; and what is needed."""
+    """Reason why values are no array of numbers: "has text in it ('1')"; and what is needed."""
 
 
 def as_floats(values: ArrayLike, what: str, width: int = 0) -> Floats:
@@ -84,7 +84,7 @@ def require_plausible(values: Floats | float, name: str, what: str) -> None:
 
 
 def unmask(values: Any) -> Any:
-    """The values of a masked array: NaN or, in lists, None for what is masked."""
+    """The values of a masked array; masked ones are NaN or, in lists, None."""
     if values.dtype.kind in "fiu":
         return np.asarray(np.ma.filled(values.astype(np.float64), np.nan))
     return values.tolist() if values.dtype.kind == "O" else values
@@ -96,8 +96,8 @@ def labels_of(values: Any) -> list[Any]:
     dtype = getattr(values, "dtype", None)
     sources = ((dtype, "names"), (values, "column_names"), (values, "columns"), (values, "index"))
     candidates = (getattr(source, name, None) for source, name in sources)
-    given = (names for names in candidates if names is not None and not callable(names))
-    labels = list(next(given, ()))
+    labelled = (names for names in candidates if names is not None and not callable(names))
+    labels = list(next(labelled, ()))
     return labels if any(isinstance(label, str | tuple) for label in labels) else []
 
 
@@ -211,9 +211,9 @@ class ArgumentCheck:
 
     def check_keywords(self, named: dict[str, Any]) -> None:
         for name, value in named.items():
-            known = self.allowed.get(name)
+            allowed = self.allowed.get(name)
             key = value if type(value) is str else type(value)
-            if known is not None and key not in known:
+            if allowed is not None and key not in allowed:
                 self.is_type_allowed(name, value)
 
     def is_type_allowed(self, name: str, value: Any) -> bool:
@@ -233,7 +233,7 @@ class ArgumentCheck:
 @cache
 def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
     """The types of a function's arguments."""
-    return get_type_hints(function, localns=STAND_INS)
+    return get_type_hints(function, localns=PLACEHOLDERS)
 
 
 def options(hint: Any) -> Iterable[Any]:
@@ -279,7 +279,7 @@ def may_be_numbers(value: Any) -> bool:
     return not (value is None or isinstance(value, str | bytes | type) or is_dataclass(value))
 
 
-#: Whether a value is of a type that Python's own classes do not tell.
+#: Tests of types that Python's own classes do not distinguish.
 TESTS: dict[Any, Callable[[Any], bool]] = {
     Any: lambda value: True,
     int: lambda value: is_number(value, Integral),

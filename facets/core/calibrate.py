@@ -1,4 +1,4 @@
-"""Settings of a calibration: how well the reference and the sensor are known before it."""
+"""Settings of a calibration: prior uncertainties of the reference and the sensor."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ NUMBER = {
 
 
 def _entry(name: str, meaning: str, **bounds: Any) -> Any:
-    """A key for a text that the user may leave out."""
+    """A key for a text that the user may omit."""
     bounds = {"min_length": 1, "max_length": 400} | bounds
     return declare(FieldSource((Key(name, None, meaning, hint=str | None, bounds=bounds),)))
 
@@ -122,7 +122,7 @@ TEMPERATURES = bounds_of(TEMPERATURE_COLUMN).values()
 @dataclass(frozen=True)
 class Statement:
     """Entries for the calibration certificate (`facets calibrate --report`), which copies them
-    unchecked and prints "not stated" for those left out."""
+    unchecked and prints "not stated" for missing ones."""
 
     number: str | None = _entry("number", "number of the certificate", **NUMBER)
     sensor: str | None = _entry("sensor", "maker and type of the calibrated sensor")
@@ -157,8 +157,8 @@ class Calibrate:
 
     reference: (6,) mm and rad, infinite where an axis is not measured.  before: standard
     uncertainties by key, in the unit of the key; keys that are null are missing.  power_per_sample:
-    whether the laser's power is an unknown of each sample.  dwells: whether rows are averaged where
-    the reference stands still.
+    whether the laser's power is an unknown of each sample.  dwells: whether the rows of
+    each dwell of the reference are averaged.
     """
 
     reference: tuple[float, ...] = key(

@@ -25,7 +25,8 @@ def plain_unit(unit: str) -> str:
 ENDINGS = {
     plain_unit(unit.label): ending for ending, unit in reversed(KEY_UNITS.items()) if unit.label
 } | {"1": ""}
-#: Columns that a table of poses may have beside those of the channels, and beginnings of others.
+#: Columns that a table of poses may have in addition to those of the channels, and beginnings of
+#: others.
 TAKEN = frozenset(
     {
         *READING_COLUMNS, *STATE_COLUMNS, "seq", "board_us", "host_s", "utc_s", "time_s", "status",

@@ -1,4 +1,4 @@
-"""By how much the clock of a detector board may differ from the computer's."""
+"""Plausible differences between the clocks of a detector board and of the computer."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ DELAY_CHANGE_S = 0.015
 COUNT_SIGMA_S = 1e-6 / 12**0.5
 #: Units of times, by the ratio of the board's clock to the computer's.
 UNITS = {1e3: "nanoseconds", 1e-3: "milliseconds"}
-#: A clock that is slower than this ratio stands still.
+#: A clock that is slower than this ratio does not run.
 STANDSTILL = 1e-5
 
 
 def describe_rate(rate: float) -> str:
-    """The sentence on a board's clock that no quartz explains; empty for a credible rate.
+    """The sentence on a board's clock that no quartz explains; empty for a plausible rate.
 
-    rate: share of the computer's time by which the board's clock is slow; NaN if not known.
+    rate: fraction of the computer's time by which the board's clock is slow; NaN if unknown.
     """
     if not isfinite(rate) or abs(rate) <= LARGEST_RATE:
         return ""

@@ -3,11 +3,11 @@ status."""
 
 
 class FacetsError(Exception):
-    """Base of all errors raised on purpose; its text is complete and meant for a person."""
+    """Base of all errors that the package raises; its text is complete and meant for a person."""
 
 
 class ConfigError(FacetsError):
-    """A configuration that cannot be used: says file, line, key, and what is allowed."""
+    """A configuration that cannot be used; names file, line, key, and what is allowed."""
 
 
 class InputError(FacetsError):

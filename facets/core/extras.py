@@ -1,4 +1,4 @@
-"""Packages that some commands need and that are installed by extras of `facets-6dof`."""
+"""Optional packages of some commands, which extras of `facets-6dof` install."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def require_extra(module: str, purpose: str) -> Any:
     module : str
         Name of the module, such as "mcap.writer".
     purpose : str
-        What needs it, for the message: an option, a file or an address.
+        Option, file or address that needs the module, for the message.
 
     Raises
     ------
     InputError
-        Where it cannot be imported; the message names the extra to install.
+        If the module cannot be imported; the message names the extra to install.
     """
     package = module.partition(".")[0]
     try:

@@ -1,4 +1,4 @@
-"""Faces of packages: their names and files are imported at their first use, not before."""
+"""Public names of packages, whose modules are imported at their first use."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from typing import Any
 
 
 def load_on_use(package: str, names_of: Mapping[str, str] | None = None) -> Callable[[str], Any]:
-    """Return the `__getattr__` of a package, which imports what is asked for.
+    """Return the `__getattr__` of a package, which imports a name at its first use.
 
-    names_of: the names, between spaces, that each file gives to the package's face; a file is
-    written as in a relative import less its first dot. All other names are files of the package.
+    names_of: by module, the public names that it defines, separated by spaces; the module is
+    written as in a relative import without the first dot. All other names are modules of the
+    package.
     """
     homes = {name: home for home, names in (names_of or {}).items() for name in names.split()}
 

@@ -1,9 +1,10 @@
 """The hues of the detectors A, B and C, of the axes and of the background.
 
 Plots, drawings, pages and the terminal take them from here, so that a detector or an axis looks the
-same wherever it appears. A hue alone never carries a meaning: axes have a mark and a dash beside it
-(`MARKS`, `DASHES`), detectors their letter. Any two hues of one set stay apart for the colour-blind
-(tests/pictures/test_hues.py simulates them), and each stands off its ground by 3 to 1 or more.
+same wherever it appears. A hue alone never carries a meaning: axes also have a mark and a dash
+(`MARKS`, `DASHES`), detectors their letter. Any two hues of one set can be distinguished by the
+colour-blind (tests/pictures/test_hues.py simulates them), and each has a contrast of 3 to 1 or more
+with its ground.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ THEMES = {"paper": LIGHT, "screen": LIGHT, "dark": DARK}
 STYLE = "screen"
 _chosen: ContextVar[str] = ContextVar("style", default=STYLE)
 
-#: Beside its hue an axis has a mark and a dash, in matplotlib's words.
+#: In addition to its hue an axis has a mark and a dash, in matplotlib's words.
 MARKS = dict(zip(STATE, "osDPX^v<", strict=True))
 DASHES = {name: "--" if name in ANGLES else ":" if name in STATE[6:] else "-" for name in STATE}
 

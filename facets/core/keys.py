@@ -1,12 +1,12 @@
 """Declaration of configuration keys, each on the field that it sets.
 
-The declaration says the key's default, bounds and unit, and what the key means. The default of the
-field, the conversion to the units of the code, the check of files with its messages, and the JSON
-Schema follow from it (`facets.config`).
+The declaration states the key's default, bounds, unit and meaning. The default of the field, the
+conversion to the units of the code, the check of files with its messages, and the JSON Schema
+follow from it (`facets.config`).
 
     @dataclass(frozen=True)
     class Amplifier:
-        "What amplifies a detector's current."
+        "The amplifier of a detector's current."
 
         gain: float = key("gain_kohm", 100.0, "volts per ampere", gt=0, le=1e9)
 
@@ -33,15 +33,15 @@ class Key:
     hint: type of the value in a file; that of the field if None.
     bounds: `gt`, `ge`, `lt`, `le` of each number; `pattern`, `min_length`, `max_length` of text,
     `error` for text without the pattern.
-    null: what the field holds where the file says null.
-    words: the field's value for each word that a file may say, where the field holds no words.
+    null: value of the field where the file has null.
+    words: the field's value for each word of a file, for a field that holds no words.
     block: the keys inside, where the value is a block.
     named: the keys of each block inside, where the user gives these blocks their names.
-    kinds: likewise, by the word that each of these blocks has as its `kind`.
+    kinds: the same for blocks of several kinds, by the word that each has as its `kind`.
     listed: the keys of each block of a list.
     length: of a list for a field that holds a tuple of any length.
-    from_single: whether a single number stands for a pair of equal ones.
-    convert: turns the value, in the units of the code, into what the field holds.
+    from_single: whether a single number represents a pair of equal ones.
+    convert: converts the value, in the units of the code, to that of the field.
     """
 
     name: str
@@ -122,13 +122,13 @@ def key(name: str, default: Any, meaning: str, **options: Any) -> Any:
 
     options: attributes of `Key`, and bounds.
     """
-    known = {
+    attributes = {
         attribute: options.pop(attribute)
         for attribute in Key.__dataclass_fields__
         if attribute in options
     }
-    known.setdefault("unit", unit_in(name))
-    return declare(FieldSource((Key(name, default, meaning, bounds=options, **known),)))
+    attributes.setdefault("unit", unit_in(name))
+    return declare(FieldSource((Key(name, default, meaning, bounds=options, **attributes),)))
 
 
 def item_of(key: Key, index: int | str) -> Any:
@@ -152,8 +152,8 @@ class KeyBlock:
     """A block of keys.
 
     sources: the keys of each field.  make: makes the object from the fields' values.  common: keys
-    that only a file has, which hold for all blocks inside that do not say otherwise.  partial:
-    whether keys that are left out have a value elsewhere, so that no default is shown.
+    that only a file has, which hold for all blocks inside that do not override them.  partial:
+    whether omitted keys have a value elsewhere, so that no default is shown.
     """
 
     name: str
@@ -170,15 +170,15 @@ class KeyBlock:
         return [*self.common, *of_fields.values()]
 
     def read(self, values: Values) -> Any:
-        """Convert the values of all keys; a key that is left out has its default."""
+        """Convert the values of all keys; an omitted key has its default."""
         values = {**{key.name: key.default for key in self.keys}, **values}
         return self.make(**{name: source.value(values) for name, source in self.sources.items()})
 
-    def write(self, values: Values, thing: Any) -> dict[str, Any]:
-        """Return the values, changed where a field of `thing` differs from what they give."""
+    def write(self, values: Values, made: Any) -> dict[str, Any]:
+        """Return the values, changed where a field of `made` differs from what they give."""
         old, new = self.read(values), dict(values)
         for name, source in self.sources.items():
-            value, first = getattr(thing, name), source.keys[0]
+            value, first = getattr(made, name), source.keys[0]
             if value == getattr(old, name):
                 continue
             if first.block is not None:

@@ -1,4 +1,4 @@
-"""What is known of the beam's position and of its power before a reading is solved."""
+"""Prior knowledge of the beam's position and power."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from .errors import InputError
 @check_arguments
 @dataclass(frozen=True)
 class Prior:
-    """Gaussian knowledge of a quantity before the reading: its mean and standard uncertainty.
+    """Gaussian prior of a quantity: its mean and standard uncertainty.
 
     For the beam's position: mean (..., 2) and sigma (a number or one each) of bx, by in mm; for its
-    power: mean and sigma in mW. sigma 0: known exactly; infinite: not known at all.
+    power: mean and sigma in mW. A sigma of 0 means exactly known, infinite means unknown.
 
     >>> import facets
     >>> facets.Prior(mean=(0.0, 0.1), sigma=0.005)  # the beam at y = 0.1 mm, within 5 um
@@ -43,14 +43,14 @@ class Prior:
 #: The forms of the arguments `beam` and `power` of public functions.
 BeamKnowledge = Literal["free", "known"] | Prior
 PowerKnowledge = Literal["known", "unknown"] | Prior
-#: What the words mean as a standard uncertainty.
+#: The words as standard uncertainties.
 SIGMAS = {"known": 0.0, "free": np.inf, "unknown": np.inf}
 
 
 @check_arguments
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known of the beam before a reading is solved, in the words of `facets.solve`.
+    """Prior knowledge of the beam, in the words of `facets.solve`.
 
     beam: its position is "free" (solved for), "known" to be (0, 0), or has a `Prior` in mm.
     power: "known" as the sensor's, "unknown" (solved for), or a `Prior` in mW.
@@ -84,7 +84,7 @@ class Knowledge:
 
 
 class Question(NamedTuple):
-    """What is asked of readings: what is known of the beam, and how the pose is sought; each as of
+    """Settings of one solve: prior knowledge of beam and power, and the method; see
     `facets.solve`."""
 
     beam: BeamKnowledge = "free"
@@ -96,7 +96,7 @@ class Question(NamedTuple):
 
     @property
     def knowledge(self) -> Knowledge:
-        """What is known of the beam."""
+        """Prior knowledge of the beam."""
         return Knowledge(self.beam, self.power)
 
     def rows(self, which: Any) -> Question:

@@ -1,4 +1,4 @@
-"""The keys of the block `optimize`: what a layout may change, and what it must achieve."""
+"""The keys of the block `optimize`: variables and requirements of a layout."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ class AmplifierPart:
     delivery: float | None = key("delivery_weeks", None, "delivery time", ge=0, le=1000)
 
 
-def _variable(name: str, meaning: str, least: float, most: float) -> Key:
-    return Key(name, None, meaning, hint=Bounds | None, bounds={"ge": least, "le": most})
+def _variable(name: str, meaning: str, low: float, high: float) -> Key:
+    return Key(name, None, meaning, hint=Bounds | None, bounds={"ge": low, "le": high})
 
 
 def _variables_of_one(kind: str, bounds: dict[str, tuple[float, float]]) -> list[Key]:
@@ -196,7 +196,7 @@ class Layout:
 
     variables: least and largest value of each, in the unit of its name.  volume: half widths of the
     pose and of the beam's offset (8,), mm and rad.  unit, limit, accuracy: (6,) um and urad,
-    infinite where not given.  production: share of the heads that must keep all requirements, 0
+    infinite where not given.  production: fraction of the heads that must meet all requirements, 0
     where only the design must.  object: whose displacements and uncertainties volume, unit, limit
     and accuracy are; None: those of the mirror's pose.
     """

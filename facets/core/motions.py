@@ -16,7 +16,7 @@ RATE: dict[str, Any] = {"gt": 0, "le": 1e9}
 
 @dataclass(frozen=True)
 class Steps:
-    """Stands still at equally spaced places from start to stop, both included."""
+    """Dwells at equally spaced places from start to stop, both included."""
 
     kind: ClassVar[str] = "steps"
     start: State = key("from", {}, "first place", block=PLACE)
@@ -124,9 +124,9 @@ class Vibration:
 
 @dataclass(frozen=True)
 class Runs:
-    """An axis with known errors that goes to equally spaced places and back, again and again.
+    """Repeated runs of an axis with known errors to equally spaced places and back.
 
-    It stands still at each place and overruns both ends, so that every place is approached from
+    The axis dwells at each place and overruns both ends, so that every place is approached from
     both sides.
     """
 

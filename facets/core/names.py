@@ -35,7 +35,7 @@ RANGE_COLUMNS = tuple(f"range_{name}" for name in STATE_COLUMNS[:6])
 FINE_COLUMNS = tuple(f"u_{name}_urad" if name in ANGLES else f"u_{name}_um" for name in POSE)
 
 #: Columns of arrays that have names, by their number, with one unit of each in the units of the
-#: code. Names without their units stand for the units of the code.
+#: code. Names without units are in the units of the code.
 LABELS = {
     9: (READING_COLUMNS, (1.0,) * 9),
     8: (STATE_COLUMNS, STATE_UNITS),

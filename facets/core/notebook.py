@@ -1,4 +1,4 @@
-"""What a notebook and a terminal show of an object: one line, and in a notebook a table below it.
+"""Short descriptions of objects: one line for terminals, and a table below it for notebooks.
 
 Both follow from the fields of a class and from the keys that are declared on them (`core.keys`).
 """
@@ -28,22 +28,22 @@ def show_shortly(kind: Kind) -> Kind:
     return kind
 
 
-def describe(thing: Any) -> str:
+def describe(result: Any) -> str:
     """Describe an object in one line: its summary if it has one, else the fields that differ from
     their defaults."""
-    name = next(kind.__name__ for kind in type(thing).__mro__ if "__repr__" in vars(kind))
-    summary = getattr(thing, "summary", None)
+    name = next(kind.__name__ for kind in type(result).__mro__ if "__repr__" in vars(kind))
+    summary = getattr(result, "summary", None)
     if isinstance(summary, str):
         return f"{name}: {summary}"
-    parts = [f"{field}={write_value(value)}" for field, value in changed_fields(thing)]
+    parts = [f"{field}={write_value(value)}" for field, value in changed_fields(result)]
     line = f"{name}({', '.join(parts)})"
     return line if len(line) <= MAX_CHARACTERS else f"{line[: MAX_CHARACTERS - 4]} ...)"
 
 
-def changed_fields(thing: Any) -> Iterator[tuple[str, Any]]:
+def changed_fields(result: Any) -> Iterator[tuple[str, Any]]:
     """Yield the names and values of the fields that differ from their defaults."""
-    for field in fields(thing):
-        value = getattr(thing, field.name)
+    for field in fields(result):
+        value = getattr(result, field.name)
         default = field.default if field.default_factory is MISSING else field.default_factory()
         if type(value) is not type(default) or hasattr(value, "shape") or value != default:
             yield field.name, value
@@ -62,25 +62,25 @@ def write_value(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else repr(value)
 
 
-def describe_as_html(thing: Any) -> str:
+def describe_as_html(result: Any) -> str:
     """Describe an object in HTML: its line, the first rows of its table or the keys that differ
     from their defaults, and a plan of a sensor's head."""
     import pandas as pd
 
-    if hasattr(thing, "to_frame"):
-        table = thing.to_frame().head(SHOWN_ROWS)
+    if hasattr(result, "to_frame"):
+        table = result.to_frame().head(SHOWN_ROWS)
     else:
-        table = pd.DataFrame(changed_keys(thing), columns=["key", "value", "unit", "meaning"])
-    plan = draw_plan(thing) if hasattr(thing, "psds") else ""
-    line = describe(thing).replace("<", "&lt;")
+        table = pd.DataFrame(changed_keys(result), columns=["key", "value", "unit", "meaning"])
+    plan = draw_plan(result) if hasattr(result, "psds") else ""
+    line = describe(result).replace("<", "&lt;")
     return f"<p>{line}</p>{table.to_html() if len(table) else ''}{plan}"
 
 
-def changed_keys(thing: Any, prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
+def changed_keys(result: Any, prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
     """Yield key, value, unit and meaning of the fields that differ from their defaults, those of
     parts of the object among them."""
-    sources = {field.name: field.metadata.get("source") for field in fields(thing)}
-    for name, value in changed_fields(thing):
+    sources = {field.name: field.metadata.get("source") for field in fields(result)}
+    for name, value in changed_fields(result):
         parts = dict(zip(DETECTORS, value, strict=False)) if isinstance(value, tuple) else {}
         if is_dataclass(value):
             yield from changed_keys(value, f"{prefix}{name}.")

@@ -35,7 +35,7 @@ def count_text(number: int, noun: str) -> str:
 
 
 def times_text(number: int) -> str:
-    """Write how often something happened: "once", "twice", "3 times"."""
+    """Write the number of times that an event happened: "once", "twice", "3 times"."""
     return {1: "once", 2: "twice"}.get(number, f"{number:,} times")
 
 

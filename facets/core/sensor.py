@@ -174,8 +174,8 @@ class Grid:
             _require(up, f"{name} of a grid", places, "two places or more, ascending")
         for name in ("add_y", "add_z"):
             rows = getattr(self, name)
-            whole = len(rows) == len(self.y) and all(len(row) == len(self.z) for row in rows)
-            _require(whole, f"size of {name}", len(rows), f"{len(self.y)} x {len(self.z)}")
+            is_full = len(rows) == len(self.y) and all(len(row) == len(self.z) for row in rows)
+            _require(is_full, f"size of {name}", len(rows), f"{len(self.y)} x {len(self.z)}")
 
 
 @check_arguments
@@ -183,7 +183,7 @@ class Grid:
 class Correction(SensorPart):
     """Corrections that are added to a detector's reading; the places enter in half sizes.
 
-    power: share of the power that is added to it.  dark: constant added to the power, mW.  y, z:
+    power: fraction of the power that is added to it.  dark: constant added to the power, mW.  y, z:
     coefficients (mm) of `MONOMIALS` (y, z, y2, yz, z2, y3, y2z, yz2, z3) added to psi and zeta.
     grid: measured corrections, added to both.
     """
@@ -390,7 +390,7 @@ class Electronics(SensorPart):
 @check_arguments
 @dataclass(frozen=True)
 class Apertures(SensorPart):
-    """Apertures that cut the light, beside the facets' edges; off unless given.
+    """Apertures that cut the light, in addition to the facets' edges; off unless given.
 
     beam: diameter of an aperture in the beam over the beam's 1/e^2 diameter; of the beam's own
     shape and centred on it, so 1 cuts where the irradiance has fallen to 1/e^2. detectors: whether
@@ -452,7 +452,7 @@ EDGES = ("ca", "ab", "bc")
 
 
 class LightEffect(NamedTuple):
-    """What model and calibration know of a field of `BenchLight`, apart from its formula.
+    """Properties of a field of `BenchLight` for the model and calibrations, except its formula.
 
     names: of its numbers in a calibration, in their order.
     candidate: the key of `LIGHT_CANDIDATES` to which the numbers belong.
@@ -574,21 +574,22 @@ def background_field() -> Any:
 class BenchLight(SensorPart):
     """Effects of real light that the model of every reading includes; off unless given.
 
-    curvature_xx, curvature_xy, curvature_yy: of the wavefront where the beam passes (bx, by, 0),
-    one over its radius, positive where the beam diverges, 1/mm; along the world's x and y as the
-    beam's tilt carries them, whatever the rotation of its ellipse.  wavelength: for the diffraction
+    curvature_xx, curvature_xy, curvature_yy: curvature of the wavefront at (bx, by, 0), one over
+    its radius, positive where the beam diverges, 1/mm. Its axes are the world's x and y, turned
+    with the beam's tilt but not with the rotation of its ellipse.  wavelength: for the diffraction
     at the facets' edges, mm; 0 for none.  rolloff: depth of the surface below its facet's plane at
     an edge, for `FACET_EDGES`, mm.  rolloff_width: width of the strip over which the surface falls
-    linearly, mm, narrow beside the beam.  strips: width of the strip that is lost along each of
-    `EDGES`, half of it on either facet, mm.  tip: area, square to the mirror's axis, that is lost
-    at a worn apex, mm^2.  background: background light on detectors A, B and C: power (mW) and its
-    centroid's y and z (mm).  index: complex refractive index (n, k) of the facets' coating, None
-    for ideal reflection.  polarization: angle of the light's field from that x axis, rad; None for
-    unpolarised.  delays: delays of detectors A, B and C after the stated time, s. They belong to
+    linearly, mm, narrow compared with the beam.  strips: width of the strip that is lost along each
+    of `EDGES`, half of it on either facet, mm.  tip: area, square to the mirror's axis, that is
+    lost at a worn apex, mm^2.  background: background light on detectors A, B and C: power (mW) and
+    its centroid's y and z (mm).  index: complex refractive index (n, k) of the facets' coating,
+    None for ideal reflection.  polarization: angle of the light's field from that x axis, rad; None
+    for unpolarised.  delays: delays of detectors A, B and C after the stated time, s. They belong
+    to
     recordings, not to single readings (`facets.detectors.skew`).
-    profile: coefficients of He_4(x), He_3(x) He_1(y), He_2(x) He_2(y), He_1(x) He_3(y) and He_4(y),
-    Hermite polynomials whose sum, and 1, a Gaussian irradiance is multiplied by; along the same x
-    and y, in units of the beam's sigma.  asymmetry: likewise of He_3(x), He_2(x) He_1(y),
+    profile: coefficients of He_4(x), He_3(x) He_1(y), He_2(x) He_2(y), He_1(x) He_3(y) and He_4(y).
+    The Gaussian irradiance is multiplied by 1 plus the sum of these Hermite polynomials, along the
+    same x and y, in units of the beam's sigma.  asymmetry: the same for He_3(x), He_2(x) He_1(y),
     He_1(x) He_2(y) and He_3(y).
     """
 
@@ -775,7 +776,9 @@ class BenchLight(SensorPart):
 
 #: The effects of light by the field of `BenchLight`, and the names of their numbers.
 LIGHT_EFFECTS: dict[str, LightEffect] = {
-    one.name: one.metadata["effect"] for one in fields(BenchLight) if "effect" in one.metadata
+    field.name: field.metadata["effect"]
+    for field in fields(BenchLight)
+    if "effect" in field.metadata
 }
 EFFECTS = tuple(name for effect in LIGHT_EFFECTS.values() for name in effect.names)
 
@@ -822,7 +825,7 @@ class Thermal(SensorPart):
 @check_arguments
 @dataclass(frozen=True)
 class Drift(SensorPart):
-    """Slow noise beside the white noise of the readings, by one-sided densities at 1 Hz.
+    """Slow noise in addition to the white noise of the readings: one-sided densities at 1 Hz.
 
     flicker_corner: frequency at which the 1/f noise of the amplifiers equals their white noise, Hz;
     counts with `Sensor.electronics`. air: of the places psi and zeta of each spot, mm/sqrt(Hz),
@@ -891,7 +894,7 @@ def _equal_thirds(kind: type[Any]) -> tuple[Any, ...]:
 @check_arguments
 @dataclass(frozen=True)
 class Sensor:
-    """The whole sensor. `facets` and `psds` run A, B, C.
+    """The sensor: beam, mirror and detectors. `facets` and `psds` are in the order A, B, C.
 
     electronics: if given, noise follows from it instead of from `noise`. calibration: if given, its
     uncertainty is part of every pose's uncertainty.

@@ -18,7 +18,7 @@ from .names import ANGLES, FINE_UNITS, STATE_UNITS
 
 __all__ = ["FINE_UNITS", "STATE_UNITS"]
 
-#: Types of arrays. A docstring gives the shape; components stand last.
+#: Types of arrays. A docstring gives the shape; components are last.
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Rows = NDArray[np.void]

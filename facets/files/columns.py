@@ -68,9 +68,9 @@ def columns_to_read(
 ) -> list[str]:
     missing = [name for name in needed if name not in names]
     if missing:
-        found = shorten(", ".join(names) or "none", 200, placeholder=" ...")
+        shown = shorten(", ".join(names) or "none", 200, placeholder=" ...")
         near = suggest_name(missing[0], names)
-        text = f"{source}: missing columns: {', '.join(missing)}{near} (columns found: {found})"
+        text = f"{source}: missing columns: {', '.join(missing)}{near} (columns found: {shown})"
         raise MissingColumnsError(text, missing)
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -99,7 +99,7 @@ def unit_of_column(name: str) -> str:
 def units_of(names: Iterable[str], about: Mapping[str, Any]) -> dict[str, str]:
     """The units of columns that have one.
 
-    An entry "unit of NAME" of `about` goes before the unit at the end of a column's name.
+    An entry "unit of NAME" of `about` takes precedence over the unit at the end of a column's name.
     """
     units = {name: str(about.get(f"unit of {name}", unit_of_column(name))) for name in names}
     return {name: unit for name, unit in units.items() if unit}
@@ -108,19 +108,19 @@ def units_of(names: Iterable[str], about: Mapping[str, Any]) -> dict[str, str]:
 #: Columns of times, the first of which counts, with one unit of each, s; a table of a recording has
 #: the board's.
 TIMES = {"time_s": 1.0, "board_us": 1e-6}
-#: Columns that are times and no signals, in tables and those of recordings.
+#: Columns of times, which are no signals, in tables and recordings.
 TIME_COLUMNS = (*TIMES, "host_s", "utc_s")
-#: Share of a table's rows, the newest, by which the clocks are compared, and the number of steps of
-#: whose ratios the median counts.
-NEWEST_SHARE, CLOCK_STEPS = 0.1, 20
+#: Fraction of a table's rows, the newest, by which the clocks are compared, and the number of steps
+#: whose median ratio counts.
+NEWEST_FRACTION, CLOCK_STEPS = 0.1, 20
 
 
 def clock_rate(columns: Columns) -> float:
-    """The share of the host's time (host_s) by which the board's clock (board_us) is slow; 0 for a
-    difference that a quartz explains, or an unknown one."""
+    """Fraction of the host's time (host_s) by which the board's clock (board_us) is slow; 0 for an
+    unknown difference, or one that a quartz explains."""
     if not {"board_us", "host_s"} <= columns.keys():
         return 0.0
-    count = max(2, int(NEWEST_SHARE * len(columns["host_s"])))
+    count = max(2, int(NEWEST_FRACTION * len(columns["host_s"])))
     steps = slice(-count, None, max(1, count // CLOCK_STEPS))
     counted, passed = (np.diff(columns[name][steps]) for name in ("board_us", "host_s"))
     pace = 1e-6 * counted[passed > 0] / passed[passed > 0]
@@ -131,8 +131,8 @@ def clock_rate(columns: Columns) -> float:
 def row_times(columns: Columns) -> Floats:
     """The times of rows (n,), s, by the first column of `TIMES` that is there.
 
-    Those of a board's clock that contradicts the host's are scaled to the latter. Raises
-    `InputError` for a board's clock that stands still.
+    Times of a board's clock that contradicts the host's are scaled to the latter. Raises
+    `InputError` for a board's clock that does not run.
     """
     name = next(name for name in TIMES if name in columns)
     time: Floats = TIMES[name] * np.asarray(columns[name], float)
@@ -151,7 +151,7 @@ COVARIANCE_AXES = ("cov_row", "cov_column")
 
 
 def axis_of(names: Iterable[str]) -> str:
-    """The column over which the others are drawn, or `ROW`."""
+    """Name of the column over which the others are drawn, or `ROW`."""
     return next((name for name in AXES if name in names), ROW)
 
 
@@ -161,10 +161,10 @@ def covariance_places(names: Iterable[str]) -> dict[str, tuple[str, int, int]]:
     first, places = "tx_tx_mm2", dict[str, tuple[str, int, int]]()
     prefixes = [n[4 : -len(first)] for n in names if n.startswith("cov_") and n.endswith(first)]
     for prefix in prefixes:
-        whole = f"cov_{prefix.rstrip('_') or 'pose'}"
+        matrix_name = f"cov_{prefix.rstrip('_') or 'pose'}"
         columns = covariance_entries(prefix)
         if columns.keys() <= set(names):
-            places |= {name: (whole, i, j) for name, (i, j) in columns.items()}
+            places |= {name: (matrix_name, i, j) for name, (i, j) in columns.items()}
     return places
 
 
@@ -176,7 +176,7 @@ def pack_covariances(columns: Columns) -> dict[str, Any]:
         if name not in places:
             packed[name] = np.asarray(values)
             continue
-        whole, i, j = places[name]
-        matrix = packed.setdefault(whole, np.empty((len(values), 6, 6)))
+        matrix_name, i, j = places[name]
+        matrix = packed.setdefault(matrix_name, np.empty((len(values), 6, 6)))
         matrix[:, i, j] = matrix[:, j, i] = values
     return packed

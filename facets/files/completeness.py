@@ -23,16 +23,16 @@ def require_complete(path: Path) -> None:
     """Raise `OSError` if a picture, film, page or table, by the file's suffix, is cut off."""
     kind = path.suffix.lower()
     if kind in ENDS:
-        whole = tail_of(path).rstrip().endswith(ENDS[kind])
+        is_complete = tail_of(path).rstrip().endswith(ENDS[kind])
     elif kind == ".gltf":
-        whole = is_json(path)
+        is_complete = is_json(path)
     elif kind == ".mp4":
-        whole = has_whole_boxes(path)
+        is_complete = has_whole_boxes(path)
     elif kind == ".h5":
-        whole = is_hdf5(path)
+        is_complete = is_hdf5(path)
     else:
         return
-    if not whole:
+    if not is_complete:
         raise OSError(errno.ENOSPC, "it was cut off; is the disk full?")
 
 

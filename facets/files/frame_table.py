@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 #: Largest deviation of times from those of one sampling rate, in steps; a board counts whole
 #: microseconds.
 LARGEST_JITTER = 0.1
-#: What pandas infers of columns of numbers.
+#: Kinds that pandas infers for columns of numbers.
 NUMBERS = ("integer", "floating", "mixed-integer-float", "decimal", "boolean")
 
 
@@ -48,14 +48,14 @@ class FrameTable:
     The levels of its index that have a name are columns, too.
     """
 
-    given: DataFrame
+    source: DataFrame
 
     @cached_property
     def frame(self) -> DataFrame:
         """The data frame with these columns."""
-        known = (None, ROW, *self.given.columns)
-        return self.given.reset_index(
-            [name for name in self.given.index.names if name not in known]
+        other = (None, ROW, *self.source.columns)
+        return self.source.reset_index(
+            [name for name in self.source.index.names if name not in other]
         )
 
     def __str__(self) -> str:
@@ -74,8 +74,8 @@ def read_chunks(
 
 
 def numbers_of(table: FrameTable, name: str) -> Floats:
-    """A column as floats, NaN where it has no value; raises `InputError` for other things, dates
-    and durations among them, whose integers count an unsaid unit."""
+    """A column as floats, NaN where it has no value; raises `InputError` for other values, dates
+    and durations among them, whose integers count an unstated unit."""
     values = table.frame[name]
     try:
         if not infer_kind(values).startswith(("datetime", "timedelta")):
@@ -86,7 +86,7 @@ def numbers_of(table: FrameTable, name: str) -> Floats:
 
 
 def infer_kind(values: Series[Any]) -> str:
-    """What the values of a column are, in the words of pandas, such as "floating"."""
+    """Kind of a column's values in the words of pandas, such as "floating"."""
     from pandas.api.types import infer_dtype
 
     return infer_dtype(values, skipna=True)
@@ -112,8 +112,8 @@ def read_columns(table: FrameTable, names: Sequence[str]) -> dict[str, Any]:
 
 def units_in(table: DataFrame) -> dict[str, str]:
     """The units of a data frame's columns: those in its `attrs`, or by the columns' names."""
-    known = {f"unit of {name}": unit for name, unit in table.attrs.get("units", {}).items()}
-    return units_of(columns_of(table), known)
+    units = {f"unit of {name}": unit for name, unit in table.attrs.get("units", {}).items()}
+    return units_of(columns_of(table), units)
 
 
 def make_frame(
@@ -167,8 +167,8 @@ def to_xarray(table: DataFrame) -> Dataset:
     variables = {}
     coordinates: dict[str, Any] = {ROW: table.index} if ROW in dimensions else {}
     for name, values in pack_covariances(columns).items():
-        known = {"units": units[name]} if name in units else {}
-        variables[name] = (dimensions[: values.ndim], values, known)
+        attributes = {"units": units[name]} if name in units else {}
+        variables[name] = (dimensions[: values.ndim], values, attributes)
         coordinates |= {axis: list(POSE) for axis in dimensions[1 : values.ndim]}
     for name in coordinates.keys() & variables.keys():
         raise InputError(
@@ -192,8 +192,8 @@ def to_sep005(table: DataFrame) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        One for each column of numbers that has a unit, but for the times time_s, board_us, host_s
-        and utc_s: `name`, `data`, `unit_str`, and `fs` in Hz where the times are equally spaced,
+        One for each column of numbers with a unit, except the times time_s, board_us, host_s and
+        utc_s. Each has `name`, `data`, `unit_str`, and `fs` in Hz if the times are equally spaced,
         otherwise `time` in s.
 
     Raises

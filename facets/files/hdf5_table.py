@@ -54,7 +54,7 @@ NEXUS = ("NX_class", "default")
 CACHE_BYTES = 2**20
 #: Numbers in a chunk of a dataset, which is compressed and read as a whole.
 CHUNK_NUMBERS = 25_000
-#: Bytes of noise at the beginning of a row of bytes that make it be stored as it is.
+#: A row of bytes whose first bytes, this many, cannot be compressed is stored as it is.
 SAMPLE_BYTES = 256
 
 
@@ -96,12 +96,13 @@ def read_chunks(
 def columns_in(group: Any, names: Sequence[str], part: slice) -> dict[str, Any]:
     """Some rows of columns, some of which may be elements of covariances."""
     places = covariance_places(names_in(group))
-    wholes = {whole: group[whole][part] for whole in {places[n][0] for n in names if n in places}}
+    needed = {places[name][0] for name in names if name in places}
+    matrices = {matrix: group[matrix][part] for matrix in needed}
     columns = {}
     for name in names:
         if name in places:
-            whole, i, j = places[name]
-            columns[name] = wholes[whole][:, i, j]
+            matrix, i, j = places[name]
+            columns[name] = matrices[matrix][:, i, j]
         else:
             dataset = group[name]
             columns[name] = (text_of(dataset) if dataset.dtype.kind in "OS" else dataset)[part]
@@ -193,7 +194,7 @@ class Hdf5Writer:
             dataset.dims[n].attach_scale(self.data[name])
 
     def name_signals(self, names: list[str]) -> None:
-        """Say what programs draw: the pose or else the readings, with their uncertainties."""
+        """Name the signals that programs draw: the pose, else the readings, with uncertainties."""
         poses = [name for name in STATE_COLUMNS[:6] if name in names]
         drawn = poses or [name for name in READING_COLUMNS if name in names]
         drawn = drawn or [name for name in names if self.data[name].dtype.kind == "f"] or names
@@ -260,9 +261,11 @@ def write_rows(dataset: Any, start: int, values: Any) -> None:
 
 
 def compress(numbers: Any) -> bytes:
-    """Compress a chunk into what the library's filters, shuffle and gzip, decompress, in a quarter
-    of their time: bytes of equal significance are a row, and a row of noise, such as the last bytes
-    of floats, is stored."""
+    """Compress a chunk so that the library's filters, shuffle and gzip, decompress it.
+
+    This takes a quarter of their time: bytes of equal significance are a row, and a row of noise,
+    such as the last bytes of floats, is stored uncompressed.
+    """
     significant = np.ascontiguousarray(numbers).view(np.uint8).reshape(-1, numbers.itemsize)
     rows: Any = np.ascontiguousarray(significant.T)
     parts = [b"\x78\x01"]

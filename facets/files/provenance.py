@@ -1,4 +1,4 @@
-"""Provenance of results: what every table and every run record states about its origin."""
+"""Provenance of results: the entries of every table and run record about its origin."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def command_line() -> str:
 def provenance_header(config: Config, seed: int | None = None) -> dict[str, str]:
     """Entries for the head of a table: config and its hash, the measured object, version, seed,
     command, time."""
-    known = {
+    entries = {
         "config": config.name,
         "config_sha256": config.sha256,
         "object": None if config.object is None else config.object.text,
@@ -42,7 +42,7 @@ def provenance_header(config: Config, seed: int | None = None) -> dict[str, str]
         "command": command_line(),
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    return {key: value for key, value in known.items() if value is not None}
+    return {key: value for key, value in entries.items() if value is not None}
 
 
 def configuration_entry(config: Config) -> dict[str, str]:

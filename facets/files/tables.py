@@ -122,7 +122,7 @@ BEGINNINGS = {
 
 
 def require_table(path: Path) -> None:
-    """Raise `InputError` if a file is missing or is not of the kind that its name says."""
+    """Raise `InputError` if a file is missing, empty, or not of the format of its name."""
     if path == STANDARD_STREAM:
         return
     if path.is_dir():
@@ -242,7 +242,7 @@ class Sheet:
         return None
 
     def numbers(self, row: Sequence[str], places: Sequence[int]) -> list[float]:
-        """Whether a row is not numbers, and the numbers of its cells at `places`."""
+        """Whether a row is malformed, followed by the numbers of its cells at `places`."""
         with suppress(ValueError):
             if len(row) == len(self.names):
                 return [False, *(number(row[place]) for place in places)]
@@ -366,9 +366,9 @@ def read_csv(
 ) -> Iterator[Chunk]:
     with open_sheet(path) as sheet:
         use = sheet.columns_to_read(needed, optional)
-        blocks, again = tee(sheet.blocks())
-        refuse_words(sheet, use, list(islice(sheet.rows(again), LOOKED_AT)))
-        del again  # it would keep all blocks
+        blocks, same_blocks = tee(sheet.blocks())
+        refuse_words(sheet, use, list(islice(sheet.rows(same_blocks), CHECKED_ROWS)))
+        del same_blocks  # it would keep all blocks
         pieces = (read_rows(sheet, use, block) for block in blocks)
         for part in equal_pieces(pieces, rows):
             lines, bad, *columns = part.T
@@ -397,27 +397,27 @@ def equal_pieces(pieces: Iterable[Floats], rows: int) -> Iterator[Floats]:
         count += len(piece)
         if count >= rows:
             joined = np.concatenate(waiting)
-            whole = count - count % rows
-            yield from (joined[start : start + rows] for start in range(0, whole, rows))
-            waiting, count = [joined[whole:]], count % rows
+            end = count - count % rows
+            yield from (joined[start : start + rows] for start in range(0, end, rows))
+            waiting, count = [joined[end:]], count % rows
     if count:
         yield np.concatenate(waiting)
 
 
-#: A column that holds only words in this number of rows is taken for a column of words.
-LOOKED_AT = 1000
+#: A column with words only in this number of rows is assumed to be a column of words.
+CHECKED_ROWS = 1000
 
 
 def refuse_words(sheet: Sheet, names: Sequence[str], rows: Sequence[tuple[int, list[str]]]) -> None:
     """Raise `InputError` for a column that holds words and no number in the checked rows, or if
     none of these rows has as many cells as the header."""
-    whole = [(line, row) for line, row in rows if len(row) == len(sheet.names)]
-    if rows and not whole:
+    full = [(line, row) for line, row in rows if len(row) == len(sheet.names)]
+    if rows and not full:
         raise sheet.refuse_width(*rows[0])
     for name in names:
         place = sheet.names.index(name)
-        if len(whole) > 1 and not any(is_number(row[place]) for _, row in whole):
-            line, word = whole[0][0], whole[0][1][place].strip()
+        if len(full) > 1 and not any(is_number(row[place]) for _, row in full):
+            line, word = full[0][0], full[0][1][place].strip()
             hint = "; write decimals after a point" if is_number(word.replace(",", ".")) else ""
             raise InputError(
                 f"{sheet.path}:{line}: column {name} holds {word[:40]!r}, not a number{hint}"
@@ -462,7 +462,7 @@ def read_columns(path: Path) -> Columns:
     ):
         sheet.columns_to_read((), ())
         spare = list(range(sheet.spare))
-        # pandas would leave the last cells of a first row with too many out
+        # pandas would drop the last cells of a first row with too many
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
             frame = pd.read_csv(
@@ -490,7 +490,7 @@ def refuse_wide_rows(path: Path) -> None:
 def numbers_or_words(column: Any) -> Any:
     """A column of pandas as numbers, NaN where a cell is no number; as words if most cells are.
 
-    Quotes around cells are left out, as in `number`.
+    Quotes around cells are removed, as in `number`.
     """
     import pandas as pd
 
@@ -547,8 +547,8 @@ def texts_of(cells: Any) -> list[str]:
 
 def head_lines(about: Mapping[str, str]) -> list[str]:
     """Provenance as comment lines, without the whole configuration."""
-    known = {key: " ".join(value.split()) for key, value in about.items() if key != CONFIGURATION}
-    return [f"# {key}: {value}" for key, value in known.items()]
+    entries = {key: " ".join(text.split()) for key, text in about.items() if key != CONFIGURATION}
+    return [f"# {key}: {text}" for key, text in entries.items()]
 
 
 class CsvWriter:
@@ -585,7 +585,7 @@ WRITERS: dict[str, Any] = {".parquet": ParquetWriter, ".h5": Hdf5Writer}
 
 
 class Writer:
-    """Appends blocks of rows to a table, in the format that the file's suffix says.
+    """Appends blocks of rows to a table, in the format of the file's suffix.
 
     file: the writer in that format; None as long as there are no rows.
     """

@@ -2,7 +2,7 @@
 
 Each channel is a column. Its name is that of the channel, with the unit of its property
 `unit_string` behind it if it ends in none: Force in N is `force_n`. A unit that would be read as
-another behind a name stands only in the head: Torque in Nm is `torque`. Without a channel `time_s`,
+another behind a name is only in the head: Torque in Nm is `torque`. Without a channel `time_s`,
 the times come from the properties of waveforms, `wf_start_offset` and `wf_increment`. Waveforms
 that began at different times, or have different rates, are no columns of one table.
 """
@@ -30,7 +30,7 @@ TIME = "time_s"
 #: Bytes before each segment; in the fifth the bit of numbers with the largest byte first, and from
 #: the 13th to the 20th the length of the segment.
 LEAD, BIG_ENDIAN = 28, 0x40
-#: Starts of waveforms that differ by less than this share of a step are equal: at the highest
+#: Starts of waveforms that differ by less than this fraction of a step are equal: at the highest
 #: frequency a phase is 0.03 rad off.
 LARGEST_SHIFT = 0.01
 #: What npTDMS raises for damaged files.
@@ -55,7 +55,7 @@ def open_file(path: Path) -> Iterator[Any]:
 
 def require_whole(path: Path, raw: BinaryIO) -> None:
     """Raise `InputError` for a file that does not end where its last segment ends; npTDMS would
-    leave the rest of its values out."""
+    drop the rest of its values."""
     size, place = path.stat().st_size, 0
     while place + LEAD <= size:
         raw.seek(place)
@@ -102,8 +102,8 @@ def require_equal_times(path: Path, waveforms: Sequence[Any]) -> None:
             f"{path}: channel {other[0]!r} has wf_xunit_string {units[other[0]]!r}; allowed: s"
         )
     starts = {each.name: start_of(each) for each in waveforms}
-    apart = np.ptp([*starts.values()]) / np.timedelta64(1, "s") if starts else 0.0
-    if starts and apart > LARGEST_SHIFT * min(steps.values()):
+    spread = np.ptp([*starts.values()]) / np.timedelta64(1, "s") if starts else 0.0
+    if starts and spread > LARGEST_SHIFT * min(steps.values()):
         require_equal(path, "wf_start_time + wf_start_offset", starts)
 
 
@@ -131,14 +131,15 @@ def column_of(path: Path, channel: Any) -> str:
     """
     text = plain_unit(channel.name).replace("degC", "C").lower()
     name = "_".join(re.findall("[a-z0-9]+", text))
-    unit, known = unit_text(channel), unit_in(name)
+    unit, named_unit = unit_text(channel), unit_in(name)
     end = column_ending(unit)
-    if not known:
+    if not named_unit:
         return f"{name}_{end}" if end else name
-    if unit and (unit_of_column(f"_{end}") or end) != (unit_of_column(name) or known):
+    if unit and (unit_of_column(f"_{end}") or end) != (unit_of_column(name) or named_unit):
         raise InputError(
             f"{path}: channel {channel.name!r} has the unit_string {unit!r}, but as the column "
-            f"{name} it is in {unit_of_column(name) or known}; rename it, or correct unit_string"
+            f"{name} it is in {unit_of_column(name) or named_unit}; rename it, or correct "
+            "unit_string"
         )
     return name
 

@@ -33,7 +33,7 @@ def refuse_to_overwrite(
 ) -> None:
     """Check the places of all results before any work is done for them.
 
-    sources: files that the results extend or are made from; None is skipped. Raises `OutputError`
+    sources: files that the results extend or derive from; None is skipped. Raises `OutputError`
     if one of the paths is a source, exists and must not be replaced, is a folder, or cannot be
     written; `InputError` if the extra that writes one of them is missing.
     """
@@ -109,9 +109,9 @@ class Whole:
     """A file that appears under its name once it is complete, and not at all if writing fails.
 
     `with Whole(path) as temporary:` write to `temporary`, a path in the same folder. At the end the
-    file is checked (some libraries do not notice a full disk), synced to the disk, and then given
-    its name, so that neither an error nor a power failure leaves half a file. Within a `ResultSet`
-    the file waits for the other files of the set.
+    file is checked, because some libraries do not notice a full disk, and synced to the disk. Then
+    it gets its name, so that neither an error nor a power failure leaves half a file. Within a
+    `ResultSet` the file waits for the other files of the set.
 
     alone: whether the file belongs to no set, such as a file that is kept for later runs.
     """

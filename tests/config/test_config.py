@@ -284,7 +284,7 @@ WRONG = [
     ("sensor: {light: {tip_um2: 1e6}}", "1: sensor.light.tip_um2"),
     ("sensor: {light: {rolloff_width_um: 300}}", "1: sensor.light.rolloff_width_um"),
     # the YAML itself
-    ("", "1: a configuration is made of `key: value` lines"),
+    ("", "1: is empty; a configuration is made of `key: value` lines"),
     ("- 1", "1: .*`key: value`"),
     ("sensor:\n  beam: {power_mw: 1\n  x: 3", "3: .*comma or a closing bracket"),
     ("sensor:\n\tbeam: 1", "2: .*indent with spaces"),
@@ -356,7 +356,7 @@ CONFLICTS = [
     ("sensor: {light: {wavelength_nm: 600}}", "sensor: {apertures: {tip_um: 10}}",
      "my.yaml:2: sensor.apertures.tip_um: light.wavelength is given with apertures"),
     ("sensor: {light: {strips_um: [50, 0, 0]}}", "sensor: {beam: {diameter_mm: 0.1}}",
-     r"my.yaml:2: sensor.beam.diameter_mm: .*not small beside the beam.*strips_um \(base.yaml:2"),
+     r"my.yaml:2: sensor.beam.diameter_mm: .*not small compared with.*strips_um \(base.yaml:2"),
     ("solve: {beam: known}", "solve: {method: paper}",
      r"my.yaml:2: solve.method: .*solve.beam \(base.yaml:2\)"),
     ("optimize: {variables: {size_mm: [1, 10]}}", "optimize: {parts: {psds: {x: {size_mm: 4}}}}",
