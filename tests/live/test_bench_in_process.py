@@ -120,14 +120,6 @@ def test_a_stage_with_a_permit_and_a_heartbeat_is_stopped_as_a_real_one(driver, 
     assert "real-time priority" not in text
 
 
-def test_a_bench_of_another_rig(tmp_path):
-    path = tmp_path / "built.yaml"
-    path.write_text("extends: bench\nsensor: {beam: {power_mw: 0.4}}\n")
-    run = run_on(f"virtual:rest,config={path}", samples=20)
-    powers = run.live.newest.readings[:, 2::3].sum(axis=1)
-    assert powers == pytest.approx(0.4, rel=0.001)
-
-
 def test_only_a_virtual_stage_has_the_clock_of_a_virtual_bench(monkeypatch, tmp_path):
     (tmp_path / "empty").write_bytes(b"")
     monkeypatch.setattr("facets.live.stage_setup.open_line", lambda *_: stage_on(CONFIG.stage))

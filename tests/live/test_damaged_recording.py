@@ -124,16 +124,6 @@ def test_another_configuration_is_the_known_cause(place, compare):
     assert "the poses are solved with rig.yaml, not with the recording's own configuration" in text
 
 
-def test_a_recording_that_was_killed_is_replayed_and_says_that_its_count_is_unknown(
-    place, compare, run_in_process
-):
-    cut(place / "killed" / "poses.arrows")
-    assert run_in_process("replay", "killed")[0] == 0
-    status, text = compare(name="killed")
-    assert status == 1
-    assert "how many poses were recorded is unknown" in text
-
-
 @pytest.mark.parametrize(
     ("name", "what", "words"),
     [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 
 import makers
@@ -156,9 +155,3 @@ def test_a_card_gives_the_permit_and_takes_the_heartbeat(installed):
     for line in (permit, heartbeat):
         close_line(line)
     assert makers.Task.open == []
-
-
-def test_a_permit_by_a_card_whose_package_is_missing_is_told(monkeypatch):
-    monkeypatch.setitem(sys.modules, "nidaqmx", None)
-    with pytest.raises(facets.InputError, match="nidaqmx"):
-        open_permit("ni:Dev1/port0/line0", 0.05)

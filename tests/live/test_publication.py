@@ -146,6 +146,7 @@ def test_a_slow_subscriber_loses_samples_alone_and_tells_how_many():
         outlet.send(numbered(100))
         (counts,) = publications.counts()
         assert counts["dropped"] == 100  # nobody was there
+        outlet.take(b"lost 99999999999999")  # more than was published
         slow, quick = subscribe(publications, 2)
         with slow, quick:
             slow_rows, quick_rows = iter(slow), iter(quick)
@@ -158,7 +159,7 @@ def test_a_slow_subscriber_loses_samples_alone_and_tells_how_many():
                     if sent > 300_000:
                         next(slow_rows)
             assert quick.lost == 0
-            lost = 100 + slow.lost
+            lost = 200 + slow.lost
             await_count(publications, lambda counts: counts["dropped"] == lost, "the loss")
 
 
@@ -173,14 +174,6 @@ while words:
     socket.send(words.encode())
 sys.stdin.read()
 """
-
-
-def test_a_subscriber_cannot_have_missed_more_than_was_published():
-    with Publications(["zmq://127.0.0.1:0"], BENCH) as publications:
-        publications.outlet.send(numbered(100, 0))
-        publications.outlet.take(b"lost 99999999999999")
-        (counts,) = publications.counts()
-    assert counts["dropped"] <= 200
 
 
 @pytest.mark.parametrize("words", ["", "lost 1", "from nobody {}", "x" * 10_000])

@@ -302,43 +302,24 @@ def begin(folder, tmp_path, tracker=None, disk=None):
     return live, recording, reader
 
 
-@pytest.fixture
-def server():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        yield server
-
-
-def read_from(server, reconnect):
-    """A reader of a server's connection, and its run."""
-    live = Live(Pipeline(CONFIG))
-    name = f"socket://127.0.0.1:{server.getsockname()[1]}"
-    return Reader(CONFIG, name, reconnect, live), live
-
-
 @pytest.mark.parametrize("is_dead", [True, False])
-def test_a_connection_that_has_fallen_silent_is_made_again(monkeypatch, server, is_dead):
+def test_a_connection_that_has_fallen_silent_is_made_again_on_request(monkeypatch, is_dead):
     """The old one is kept until the new one brings bytes: a board may be silent on purpose."""
-    reader, live = read_from(server, True)
-    reader.step()
-    first, (old, _) = reader.port, server.accept()
-    reader.step()
-    assert reader.spare is None
-    monkeypatch.setattr("facets.live.run.reader.HALF_OPEN_S", -1.0)
-    reader.step()
-    new, _ = server.accept()
-    with old, new:
-        (new if is_dead else old).sendall(b"x" * SIZE)
-        await_true(lambda: reader.step() or live.bytes == SIZE, "the bytes")
-    assert (reader.port is first, reader.spare) == (not is_dead, None)
-    reader.close_port()
-
-
-def test_a_silent_connection_is_made_again_on_request_alone(monkeypatch, server):
-    monkeypatch.setattr("facets.live.run.reader.HALF_OPEN_S", -1.0)
-    reader, _ = read_from(server, False)
-    with server.accept()[0]:
+    live = Live(Pipeline(CONFIG))
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        name = f"socket://127.0.0.1:{server.getsockname()[1]}"
+        reader = Reader(CONFIG, name, False, live)
+        first, (old, _) = reader.port, server.accept()
+        monkeypatch.setattr("facets.live.run.reader.HALF_OPEN_S", -1.0)
         reader.step()
         assert reader.spare is None
+        reader.reconnect = True
+        reader.step()
+        new, _ = server.accept()
+        with old, new:
+            (new if is_dead else old).sendall(b"x" * SIZE)
+            await_true(lambda: reader.step() or live.bytes == SIZE, "the bytes")
+    assert (reader.port is first, reader.spare) == (not is_dead, None)
     reader.close_port()
 
 

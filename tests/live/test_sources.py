@@ -75,12 +75,16 @@ def test_the_address_of_a_port_chooses_the_sender_of_datagrams(option, data):
         assert bool(port.message) == (option != "any")
 
 
-def test_what_a_board_sent_before_it_closed_the_connection_is_read():
-    with (
-        socket.create_server(("127.0.0.1", 0)) as server,
-        open_port(f"socket://127.0.0.1:{server.getsockname()[1]}", 0) as port,
-    ):
-        line, _ = server.accept()
+@pytest.fixture
+def server():
+    """A board that serves its bytes by TCP, and the name of its port."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server, f"socket://127.0.0.1:{server.getsockname()[1]}"
+
+
+def test_what_a_board_sent_before_it_closed_the_connection_is_read(server):
+    with open_port(server[1], 0) as port:
+        line, _ = server[0].accept()
         line.sendall(DATA)
         line.close()
         data = b""
@@ -91,21 +95,17 @@ def test_what_a_board_sent_before_it_closed_the_connection_is_read():
             read_all(port)
 
 
-def test_a_connection_is_probed_while_it_is_silent():
+def test_a_connection_is_probed_while_it_is_silent(server):
     """Its other end may have lost its power, and then sends no end."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        name = f"socket://127.0.0.1:{server.getsockname()[1]}"
-        with open_port(name, 0) as board, module.open_line(name, 0, 0.1) as stage:
-            for line in (board.line, stage._socket):
-                assert line.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+    with open_port(server[1], 0) as board, module.open_line(server[1], 0, 0.1) as stage:
+        for line in (board.line, stage._socket):
+            assert line.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
 
 
-def test_a_socket_is_a_port():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = open_port(f"socket://127.0.0.1:{server.getsockname()[1]}", 0)
-        line, _ = server.accept()
-        with line:
-            check_source(lambda: port, line.sendall, DATA)
+def test_a_socket_is_a_port(server):
+    port = open_port(server[1], 0)
+    with server[0].accept()[0] as line:
+        check_source(lambda: port, line.sendall, DATA)
 
 
 class Other(module.ClosedAtExit):

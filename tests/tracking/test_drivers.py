@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 
 import makers
@@ -147,12 +146,6 @@ def test_a_driver_with_a_missing_method_is_closed(mine, monkeypatch):
     with pytest.raises(StageError, match="it has no emergency_stop"):
         Envelope("mine:1", OTHER, print, mine.clock)
     assert len(closed) == 1
-
-
-def test_a_kinesis_stage_needs_its_package(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pylablib", None)
-    with pytest.raises(facets.InputError, match="needs pylablib"):
-        open_driver("kinesis:1,2", OTHER, print)
 
 
 class Faulty(Mine):
