@@ -1,6 +1,6 @@
-"""What writes the machine code of `blocks`: Gauss-Newton steps with a lane for each reading.
+"""Write the machine code of `blocks`: Gauss-Newton steps with a lane for each reading.
 
-Imported only where the code is not kept.
+This module is imported only where the code is not cached.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from .problem import (
 from .step import (
     MIN_DAMPING,
     State,
-    ask,
-    begin,
     covariance_of,
     final_status,
+    first_state,
     residual_of,
+    screen_reading,
     step,
     unknown_slopes,
 )
@@ -44,7 +44,7 @@ Numbers = list[Any]
 
 
 def write_estimator(form: Form) -> LaneWrite:
-    """Writes code that estimates blocks of readings, as a function of a task's address."""
+    """Return what writes a function of a `BlockTask`'s address that estimates its readings."""
 
     def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
         at = builder.inttoptr(arguments[0], ir.PointerType(LONG))
@@ -60,34 +60,34 @@ def write_estimator(form: Form) -> LaneWrite:
 
 
 def write_block(rows: BlockRows) -> None:
-    """Write the estimates of one block's readings."""
+    """Write the code that estimates the readings of one block."""
     code, task, form = rows.code, rows.task, rows.form
-    question, status, used = ask(
+    reading, status, used = screen_reading(
         form, rows.read("values", 9, task.own_rows), rows.read("weights", 9, task.own_rows),
         rows.read("means", 3, task.own_means), rows.scales,
     )  # fmt: skip
-    first = begin(rows.read("starts", UNKNOWNS, task.own_starts), form, status)
+    first = first_state(rows.read("starts", UNKNOWNS, task.own_starts), form, status)
 
     def advance(state: State, begins: Any) -> State:
         def optics(x: Sequence[Any]) -> Any:
             return reuse_start(rows, begins, lambda: linearise(code, rows.vectors, x, form))
 
-        return step(state, question, optics)
+        return step(state, reading, optics)
 
     end = iterate(code, first, advance, task.patient)
-    status = final_status(end, question, used)
+    status = final_status(end, reading, used)
     write_results(rows, end._replace(status=status), used, form.free)
 
 
 def iterate(
     code: LaneWriter, first: State, advance: Callable[[State, Any], State], patient: Any
 ) -> State:
-    """Write the loop over steps, until no lane goes on, and return the last state.
+    """Write the loop over steps, which ends when all lanes have, and return the last state.
 
-    advance: writes a step of a state; its second argument is a bit, set in the first round.
-    patient: 0 where lanes that need many steps are left behind.
+    advance: writes one step from a state; its second argument is a bit that is set in the first
+    round.  patient: 0 if the loop ends while lanes that need many steps have not.
     """
-    memory = [LaneMemory(code) for _ in leaves(first)]  # apart, so that registers take their place
+    memory = [LaneMemory(code) for _ in leaves(first)]  # one each, so that registers replace it
 
     def keep(state: State) -> None:
         for cell, number in zip(memory, leaves(state), strict=True):
@@ -108,9 +108,9 @@ def iterate(
 
 
 def reuse_start(rows: BlockRows, begins: Any, compute: Callable[[], Any]) -> Any:
-    """Write what `compute` writes; at a start that all readings share, for the first block alone.
+    """Write what `compute` writes; if all readings have the same start, only for the first block.
 
-    Later blocks load the same bits.  begins: a bit, set at the start.
+    Later blocks load the first block's results.  begins: a bit that is set at the start.
     """
     if rows.form.varied:
         return compute()
@@ -118,28 +118,29 @@ def reuse_start(rows: BlockRows, begins: Any, compute: Callable[[], Any]) -> Any
     shares = build.icmp_signed("==", rows.task.own_starts, ir.Constant(LONG, 0))
     begins = build.and_(begins, shares)
     later = build.icmp_signed(">", rows.first, ir.Constant(LONG, 0))
-    most = 9 * (3 + len(rows.form.free))  # readings and derivatives, of which some are products
+    # The readings and their derivatives; some are products of two numbers each.
+    most = 9 * (3 + len(rows.form.free))
     return code.compute_unless(build.and_(begins, later), compute, begins, most)
 
 
 def write_results(rows: BlockRows, end: State, used: Numbers, free: Sequence[int]) -> None:
-    """Write the results of the last state; without a pose they are NaN."""
+    """Write code that stores the results of the last state; NaN without a pose."""
     code, converged = rows.code, end.status < 0.5
 
     def write(name: str, numbers: Sequence[Any]) -> None:
         rows.write(name, [code.select(converged, number, nan) for number in numbers])
 
-    write("states", end.end)
+    write("states", end.trial)
     write("residuals", [residual_of(end)])
     rows.write("ends", [end.status, end.steps, *used])
-    wanted = code.builder.icmp_signed("!=", rows.task.covariances, ir.Constant(LONG, 0))
-    with code.builder.if_then(wanted), code.scope():
+    has_covariances = code.builder.icmp_signed("!=", rows.task.covariances, ir.Constant(LONG, 0))
+    with code.builder.if_then(has_covariances), code.scope():
         covariance = covariance_of(end.factor, free)
         write("covariances", [covariance[i][j] for i, j in KEPT_ENTRIES])
 
 
 class LoadedRows(NamedTuple):
-    """Numbers of each lane's own row, as `packing.vectors_at` asks a writer for them."""
+    """Numbers of each lane's own row, in the form in which `packing.vectors_at` loads them."""
 
     numbers: Numbers
 
@@ -150,12 +151,12 @@ class LoadedRows(NamedTuple):
 class BlockRows:
     """A block's rows in the arrays of a task.
 
-    scales: the numbers that all readings share, as `Scales`.  vectors: the sensor's; of a varied
-    form, those of each lane.  first: the number of the block's first row.
+    scales: the numbers that all readings have in common, as `Scales`.  vectors: those of the
+    sensor; in a varied form, those of each lane's sensor.  first: number of the block's first row.
     """
 
     def __init__(self, code: LaneWriter, task: BlockTask, form: Form) -> None:
-        """task: of numbers that the code has read."""
+        """task: its numbers, loaded by the code."""
         self.code, self.task, self.form = code, task, form
         self.pointers = BlockTask(*pointers_to(code.builder, task))
         if not form.varied:
@@ -169,33 +170,33 @@ class BlockRows:
         if self.form.varied:
             size = row_size(kind)
             first = code.builder.mul(self.first, ir.Constant(LONG, size))
-            here = code.builder.gep(self.pointers.packed, [first])
-            self.vectors = vectors_of(LoadedRows(load_rows(code, here, size, size)), None, kind)
+            start = code.builder.gep(self.pointers.packed, [first])
+            self.vectors = vectors_of(LoadedRows(load_rows(code, start, size, size)), None, kind)
 
     def read(self, name: str, width: int, has_own_rows: Any) -> Numbers:
         """Read rows of `width` numbers.
 
-        has_own_rows: 1 where each lane has a row, 0 where all lanes share one.
+        has_own_rows: 1 where each lane has a row, 0 where all lanes have the same one.
         """
-        apart = self.code.builder.mul(has_own_rows, ir.Constant(LONG, width))
-        return load_rows(self.code, self._first_row(name, apart), apart, width)
+        stride = self.code.builder.mul(has_own_rows, ir.Constant(LONG, width))
+        return load_rows(self.code, self._first_row(name, stride), stride, width)
 
     def write(self, name: str, numbers: Numbers) -> None:
-        build, row_distance = self.code.builder, self.task.apart
+        build, result_stride = self.code.builder, self.task.result_stride
         close = build.mul(self.task.own_rows, ir.Constant(LONG, len(numbers)))
-        has_distance = build.icmp_signed("!=", row_distance, ir.Constant(LONG, 0))
-        apart = build.select(has_distance, row_distance, close)
-        store_rows(self.code, numbers, self._first_row(name, apart), apart)
+        has_stride = build.icmp_signed("!=", result_stride, ir.Constant(LONG, 0))
+        stride = build.select(has_stride, result_stride, close)
+        store_rows(self.code, numbers, self._first_row(name, stride), stride)
 
-    def _first_row(self, name: str, apart: Any) -> Any:
+    def _first_row(self, name: str, stride: Any) -> Any:
         build = self.code.builder
-        return build.gep(getattr(self.pointers, name), [build.mul(self.first, apart)])
+        return build.gep(getattr(self.pointers, name), [build.mul(self.first, stride)])
 
 
 def linearise(code: Any, vectors: Any, x: Sequence[Any], form: Form) -> Any:
-    """Readings, and their derivatives by the free unknowns, for detectors A, B and C.
+    """The readings of detectors A, B and C, and their derivatives by the free unknowns.
 
-    code: the writer; only exact derivatives need it.
+    code: the writer, which only exact derivatives use.
     """
     state, places = tuple(x[:8]), [c for c in form.free if c < 8]
     vectors = replace_power(vectors, x[8])

@@ -1,4 +1,4 @@
-"""The request of an estimate and its results, and their layout in memory for compiled code."""
+"""The input and the results of an estimate, and their layout in memory for compiled code."""
 
 from __future__ import annotations
 
@@ -15,34 +15,35 @@ Array = Any
     AMBIGUOUS,
 ) = range(9)  # fmt: skip
 
-#: Converged when the next step would move the fit by less than this, in sigmas, squared.
+#: The estimate has converged when the next step would change the sum of squares by less than this.
 NEGLIGIBLE_GAIN = 1e-12
-#: A step to where a detector that reads light would have less than this, in standard deviations of
-#: its power, is a step into the dark: there the readings do not tell the way back.
+#: A step is refused if it leaves a detector that reads light with less than this power, in standard
+#: deviations of a power: without light, the readings do not show the way back.
 DARK_SIGMAS = 1.0
-#: An estimate that starts in the dark has so many steps to find the light.
+#: An estimate that starts without light on a detector ends if it has not found light after this
+#: many steps.
 MAX_DARK_STEPS = 8
-#: After each so many steps the sum of squares must have fallen below this share of what it was
-#: before them; else the estimate goes round in circles and is stalled.
-PROGRESS_INTERVAL_STEPS, MAX_COST_SHARE = 10, 0.9
-#: A step that the damping has shortened by this much, and that still does not help: stalled.
+#: An estimate is stalled if the sum of squares, over an interval of this many steps, has not fallen
+#: below this fraction of its earlier value.
+PROGRESS_INTERVAL_STEPS, MAX_COST_FRACTION = 10, 0.9
+#: An estimate is stalled if a step with this much damping is still refused.
 MAX_DAMPING = 1e12
-#: Rounding of a computed reading, relative to the detector's distance or to the power.
+#: Rounding error of a computed reading, relative to the detector's distance or to the power.
 ROUNDING = 4e-15
-#: Redundancy of the readings below which nothing checks a pose: an error of one reading then stays
-#: below the limit of the residual up to more than 100 of its standard deviations.
+#: Poses with less redundancy than this are unchecked: an error of one reading by 100 of its
+#: standard deviations can then leave the residual below its limit.
 MIN_REDUNDANCY = 1e-3
 UNKNOWNS = 9
 
-#: Where the numbers of a reading's solution are, which blocks write in one row: the state and the
-#: power, then how the estimate has ended, which detectors were used, and what is left, then the
-#: checks and the limit, and the covariance if there is one.
+#: Places in the row of numbers that blocks write for each reading. The state and the power come
+#: first, then the status, the number of steps and the detectors used, then the residual, the
+#: number of checks and the limit, and at the end the covariance if there is one.
 STATUS, ITERATIONS, USED = 9, 10, 11
 RESIDUAL, CHECKS, LIMIT, COVARIANCE = range(14, 18)
 
-#: The entries of a covariance (8, 8) that are kept: the variances, and what is below the diagonal.
+#: The entries of a covariance (8, 8) that are stored: the variances, then those below the diagonal.
 KEPT_ENTRIES = [(i, i) for i in range(8)] + [(i, j) for i in range(8) for j in range(i)]
-#: The number of each entry among these.
+#: The place of each entry of a covariance among the stored ones.
 PLACES = np.empty((8, 8), int)
 _rows, _columns = np.transpose(KEPT_ENTRIES)
 PLACES[_rows, _columns] = PLACES[_columns, _rows] = range(len(KEPT_ENTRIES))
@@ -51,12 +52,13 @@ PLACES[_rows, _columns] = PLACES[_columns, _rows] = range(len(KEPT_ENTRIES))
 class FitProblem(NamedTuple):
     """The prior knowledge and the options of an estimate.
 
-    means: (n or 1, 3) of bx, by (mm) and power (mW).  weight: (3,) 1/sigma of these, 0 if unknown.
-    free: (m,) numbers of the unknowns, ascending.  starts: (n or 1, 9), including the known values.
-    previous: whether to start where the last converged sample ended.  damped: whether a step that
-    does not help is shortened (Levenberg-Marquardt), or accepted.  accept_unchecked: whether to
-    estimate poses without redundant readings.  limits: by which readings are screened.
-    least_redundancy: of the readings of a pose, see `MIN_REDUNDANCY`; below 0 for any.
+    means: (n or 1, 3) prior means of bx, by (mm) and power (mW).  weight: (3,) 1/sigma of these
+    priors, 0 if unknown.  free: (m,) numbers of the estimated unknowns, ascending.  starts: (n or
+    1, 9) with the known values.  previous: whether each sample starts where the last converged one
+    ended.  damped: whether a step that raises the sum of squares is shortened
+    (Levenberg-Marquardt) instead of accepted.  accept_unchecked: whether to estimate poses without
+    redundant readings.  limits: limits for screening readings.  least_redundancy: required
+    redundancy, see `MIN_REDUNDANCY`; negative for any.
     """
 
     means: Array
@@ -74,12 +76,12 @@ class FitProblem(NamedTuple):
 class ScreeningLimits(NamedTuple):
     """The limits by which readings are screened.
 
-    noise: (3,) a centroid's sigma (mm) at a power (mW), and a power's sigma (mW).
-    light: (2, 3) the powers below which a detector's reading is left out, and below which a step
-    has lost its light, mW.
+    noise: (3,) standard deviation of a centroid (mm) at a power (mW), and that of a power (mW).
+    light: (2, 3) the powers below which a detector is excluded, and below which a step has lost the
+    detector's light, mW.
     usable: (3, 4) lowest and highest psi and zeta of each detector, mm.
-    eight: leave out the last power.
-    rounding: (2,) of a computed place, mm, and of a power, mW.
+    eight: whether the power of detector C is excluded.
+    rounding: (2,) rounding error of a computed position, mm, and of a power, mW.
     """
 
     noise: Array
@@ -90,18 +92,24 @@ class ScreeningLimits(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """values: (n, 9) mm, mW.  sigmas: (n, 9) their standard deviations; empty where those of
-    `ScreeningLimits` hold."""
+    """Readings and their noise.
+
+    values: (n, 9) mm, mW.  sigmas: (n, 9) standard deviations; empty if those of `ScreeningLimits`
+    apply.
+    """
 
     values: Array
     sigmas: Array
 
 
 class Results(NamedTuple):
-    """states: (n, 9), with the power.  used: (n, 3) the detectors that took part.
-    status, steps: (n,).  residuals: (n,) root of the sum of squares left.
-    covariances: (n, 36), the `KEPT_ENTRIES`; (n, 0) for none.  Where status is not CONVERGED,
-    states, residuals and covariances become NaN."""
+    """The results of n estimates.
+
+    states: (n, 9) with the power.  used: (n, 3) whether each detector took part.  status: (n,).
+    steps: (n,) number of steps.  residuals: (n,) root of the remaining sum of squares.
+    covariances: (n, 36) the `KEPT_ENTRIES`; (n, 0) if not requested.  States, residuals and
+    covariances are NaN unless the status is CONVERGED.
+    """
 
     states: Array
     used: Array
@@ -128,7 +136,7 @@ def unpack_covariances(entries: Array) -> Array:
 
 
 def some_rows(which: Any, readings: Readings, request: FitProblem) -> tuple[Readings, FitProblem]:
-    """Some of the readings, and the request for them."""
+    """Select some of the readings, and the request for them."""
     n = len(readings.values)
     return (
         Readings(*(part_of(array, which, n) for array in readings)),
@@ -140,16 +148,16 @@ def some_rows(which: Any, readings: Readings, request: FitProblem) -> tuple[Read
 
 def put_rows(results: Results, which: Array, some: Results) -> None:
     """Put the results of some readings in their places."""
-    for whole, part in zip(results, some, strict=True):
-        whole[which] = part
+    for array, part in zip(results, some, strict=True):
+        array[which] = part
 
 
 class Form(NamedTuple):
     """The form of an estimator's code.
 
-    free: numbers of the unknowns, the first six among them.  kind: of the light, see
+    free: numbers of the estimated unknowns, the first six included.  kind: kind of light, see
     `kinds.block_kind`.  exact: whether derivatives under real light are exact.  varied: whether
-    each reading has a sensor of its own.
+    each reading has its own sensor.
     """
 
     free: tuple[int, ...]
@@ -159,8 +167,11 @@ class Form(NamedTuple):
 
     @property
     def keeps_equations(self) -> bool:
-        """Whether it takes longer to make equations once more than to keep all, for steps that are
-        refused: approximate derivatives often need some."""
+        """Whether the equations at the best state are stored for refused steps.
+
+        With approximate derivatives steps are refused often, and storing is faster than evaluating
+        the equations once more.
+        """
         return self.kind != "plain"
 
     @property
@@ -170,11 +181,12 @@ class Form(NamedTuple):
 
 
 class Scales(NamedTuple):
-    """The numbers of `ScreeningLimits` and of a `FitProblem` that all readings share.
+    """The numbers of `ScreeningLimits` and of a `FitProblem` that all readings have in common.
 
-    light, usable, noise, rounding, eight: as there.  weight: (3,) of the priors.  weighed:
-    whether the readings have weights of their own.  checks: `count_checks` without a detector.
-    accepts: whether poses that nothing checks are estimated.  least_redundancy: as there.
+    noise, light, usable, rounding, eight: as in `ScreeningLimits`.  weight, damped,
+    least_redundancy: as in `FitProblem`.  weighed: whether the readings have their own weights.
+    checks: `count_checks` without a detector.  accepts: whether unchecked poses are estimated.
+    most_steps: largest number of steps.
     """
 
     noise: Any
@@ -191,24 +203,26 @@ class Scales(NamedTuple):
     least_redundancy: Any
 
 
-#: The arrangement of these numbers.
+#: The arrangement of these numbers, as zeros.
 SCALES = Scales(
     (0.0,) * 3, ((0.0,) * 3,) * 2, ((0.0,) * 4,) * 3, (0.0,) * 2, (0.0,) * 3, *(0.0,) * 7
 )  # fmt: skip
 
 
 class BlockTask(NamedTuple):
-    """The task of a block's code: 64-bit integers, in memory one after the other.
+    """The arguments of a block's code: consecutive 64-bit integers in memory.
 
-    The address of a sensor's vectors (of a row of `packing.row_size` numbers for each reading, if
-    the form is varied), of `Scales`, and of arrays of `Readings`, `FitProblem` and `Results` (0
-    where no covariances are asked for).
-    weights: any such rows, if the readings have none of their own.
-    ends: of rows of five numbers: the status, the steps, and 1 for each detector used.
-    own_rows, own_means, own_starts: whether each lane has rows of its own in the readings, weights
-    and results, in the means, and in the starts.  apart: by how many numbers the rows of all
-    results are apart; 0 where they follow one another.
-    patient: whether a block waits for lanes that need many steps; else some have not ended.
+    packed: address of the sensor's vectors; in a varied form, of a row of `packing.row_size`
+    numbers for each reading.  scales: address of `Scales`.  values to covariances: addresses of the
+    arrays of `Readings`, `FitProblem` and `Results`.
+    weights: any rows of this size, if the readings have no weights of their own.
+    ends: rows of five numbers: the status, the number of steps, and 1 for each detector used.
+    covariances: 0 if none are requested.
+    own_rows, own_means, own_starts: whether each lane has its own row in the readings, weights and
+    results, in the means, and in the starts.  result_stride: distance between the rows of each
+    result, in numbers; 0 for consecutive rows.
+    patient: whether a block waits for lanes that need many steps; else some may not have ended.
+    blocks: number of blocks.
     """
 
     packed: Any
@@ -224,6 +238,6 @@ class BlockTask(NamedTuple):
     own_rows: Any
     own_means: Any
     own_starts: Any
-    apart: Any
+    result_stride: Any
     patient: Any
     blocks: Any

@@ -1,13 +1,13 @@
 """The damped Gauss-Newton iteration behind `facets.solve`: one step over numbers of any kind.
 
-No branch depends on a number, so that the text runs over floats as over numbers that write code;
-its loop (`block_code`, and `solver.js` of a rig's page) calls `step` until the status ends it. A
-step of a state that has ended changes nothing.
+No branch depends on a number, so that the same text runs over floats and over numbers that write
+code. A loop (in `block_code`, and in `solver.js` of a rig's page) calls `step` until the status is
+no longer GOING; a step from a state that has ended changes nothing.
 
-The unknowns are the eight components of the state and the beam's power; `free` lists those that are
-question for. A step of the beam's place takes the mirror along: what the readings tell of it then
-hardly depends on what they tell of the mirror's place in the beam, and the equations keep their
-digits. Every row is in units of its standard deviation, so that the sum of squares is a chi-square.
+The unknowns are the eight components of the state and the beam's power; `free` lists the unknowns
+that are estimated. A step of the beam's position moves the mirror by the same amount, so that the
+beam's position and the mirror's place in the beam are nearly uncorrelated and the equations lose no
+digits. Every row is in units of its standard deviation: the sum of squares is a chi-square.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..scalars.dispatch import select, select_each, sqrt
 from .problem import (
     AMBIGUOUS,
     CONVERGED,
-    MAX_COST_SHARE,
+    MAX_COST_FRACTION,
     MAX_DAMPING,
     MAX_DARK_STEPS,
     MAX_STEPS,
@@ -38,25 +38,25 @@ from .problem import (
     Scales,
 )
 
-#: The status of a state that has not ended.
+#: The status of an estimate that has not ended.
 GOING = -1
-#: The first damping of a step that does not help, by how much it changes from step to step, and
-#: below which it ends.
+#: The damping after the first refused step, the factor by which it changes from step to step, and
+#: the value below which it becomes zero.
 FIRST_DAMPING, DAMPING_FACTOR, MIN_DAMPING = 1e-3, 10, 1e-6
-#: A sum of squares that is none.
+#: A sum of squares above this is an overflow.
 HUGE = 1e300
 
-#: Gives for a state and the power (9,) what each detector reads, and the derivatives of each number
-#: by the free unknowns.
+#: Computes each detector's reading at a state with the power (9,), and the derivatives of each of
+#: its numbers by the free unknowns.
 Linearise = Callable[[Sequence[Any]], Sequence[tuple[Sequence[Any], Sequence[Sequence[Any]]]]]
 
 
 class WeightedReading(NamedTuple):
-    """A reading, and what is asked of it.
+    """A reading with its weights and prior means.
 
-    values, weights: (9,) mm, mW and 1/sigma; weights of a detector that is
-    left out are 0.  means: (3,) of bx, by and the power.  scales: what all readings share.  small:
-    the sum of squares that rounding of the readings alone can make.
+    values: (9,) mm and mW.  weights: (9,) 1/sigma; 0 for a detector that is excluded.  means: (3,)
+    prior means of bx, by and the power.  scales: the numbers that all readings have in common.
+    small: the sum of squares that rounding of the readings alone can cause.
     """
 
     form: Form
@@ -70,55 +70,58 @@ class WeightedReading(NamedTuple):
 class State(NamedTuple):
     """The state of an estimate between two steps.
 
-    here: (9,) the best state and power so far.  end, gain, factor: where the last step leads, the
-    solution if it has converged; by how much it lessens the sum of squares; and the factor of its
-    equations.  normal, cost, dark: of `equations` here.  earlier: the sum of squares `since`
-    steps ago.  blind: 1 where without damping the readings determine no step.  again: 1 where
-    `here` is to be tried once more, 0 where the end is.
+    best: (9,) the state and power with the least sum of squares so far.  trial: (9,) the end of the
+    last step, which is the solution if the estimate has converged.  gain: the decrease of the sum
+    of squares that the step predicts.  factor: the Cholesky factor of its equations.
+    normal, cost, has_dark_detector: the results of `equations` at `best`.  earlier: the sum of
+    squares `since` steps ago.  is_singular: 1 where the readings determine no step without
+    damping.  must_reevaluate: 1 where `best` is evaluated next, 0 where `trial` is.
     """
 
-    here: Any
-    end: Any
+    best: Any
+    trial: Any
     gain: Any
     factor: Any
     normal: Any
     cost: Any
-    dark: Any
+    has_dark_detector: Any
     earlier: Any
     since: Any
     damping: Any
-    blind: Any
+    is_singular: Any
     steps: Any
-    again: Any
+    must_reevaluate: Any
     status: Any
 
 
-def detector_fault(numbers: Sequence[Any], least: Any, usable: Sequence[Any]) -> Any:
-    """What is wrong with the numbers of a detector; CONVERGED where nothing is.
+def detector_fault(numbers: Sequence[Any], least_power: Any, usable: Sequence[Any]) -> Any:
+    """The fault of a detector's three numbers, as a status; CONVERGED for usable numbers.
 
-    They are not finite, the power is under the least that counts, or the place is past the edge,
-    where there can be no light, or in a part of the area that is not usable.
+    NON_FINITE, NO_LIGHT for a power below `least_power`, or OUT_OF_RANGE for a position past the
+    detector's edge or outside its usable area.
     """
     psi, zeta, light = numbers
     inside = (psi >= usable[0]) & (psi <= usable[1]) & (zeta >= usable[2]) & (zeta <= usable[3])
-    lit = select(light > least, select(inside, CONVERGED, OUT_OF_RANGE), NO_LIGHT)
+    lit = select(light > least_power, select(inside, CONVERGED, OUT_OF_RANGE), NO_LIGHT)
     finite = (abs(psi) < inf) & (abs(zeta) < inf) & (abs(light) < inf)
     return select(finite, lit, NON_FINITE)
 
 
-def ask(
+def screen_reading(
     form: Form,
     values: Sequence[Any],
     weights: Sequence[Any],
     means: Sequence[Any],
     scales: Scales,
 ) -> tuple[WeightedReading, Any, list[Any]]:
-    """The question of a reading, the status with which it begins, and for each detector 1 where it
-    takes part.
+    """Weigh a reading and exclude its faulty detectors.
 
-    weights: the reading's own, or any numbers.  A detector with a fault is left out.
+    weights: (9,) the reading's own weights; any numbers if it has none.
+
+    Returns the weighted reading, the status with which its estimate begins, and for each detector 1
+    if it takes part, else 0.
     """
-    kept: list[Any] = []
+    weighed: list[Any] = []
     used: list[Any] = []
     fault: Any = inf
     checks, small = scales.checks, NEGLIGIBLE_GAIN
@@ -136,32 +139,32 @@ def ask(
             weight = select(has_own_weights, weights[3 * k + i], usual)
             if i == 2 and k == 2:
                 weight = select(scales.eight > 0, 0.0, weight)
-            kept.append(select(sound, weight, 0.0))
-        off, dim = scales.rounding[0] * kept[-3], scales.rounding[1] * kept[-1]
-        small = small + 2 * (off * off) + dim * dim
+            weighed.append(select(sound, weight, 0.0))
+        shift, change = scales.rounding[0] * weighed[-3], scales.rounding[1] * weighed[-1]
+        small = small + 2 * (shift * shift) + change * change
     status = select((fault > AMBIGUOUS) | (checks > -0.5), GOING, fault)
-    bare = (checks < 0.5) & (checks > -0.5) & (scales.accepts < 0.5)
-    status = select(bare, UNCHECKED, status)
-    return WeightedReading(form, values, kept, means, scales, small), status, used
+    has_no_checks = (checks < 0.5) & (checks > -0.5) & (scales.accepts < 0.5)
+    status = select(has_no_checks, UNCHECKED, status)
+    return WeightedReading(form, values, weighed, means, scales, small), status, used
 
 
-def begin(start: Sequence[Any], form: Form, status: Any) -> State:
+def first_state(start: Sequence[Any], form: Form, status: Any) -> State:
     """The state before the first step."""
-    size, here, zero = len(form.free), tuple(start), 0.0
+    size, best, zero = len(form.free), tuple(start), 0.0
     triangle = tuple(tuple(zero for _ in range(i + 1)) for i in range(size))
     return State(
-        here=here, end=here, gain=zero, factor=triangle,
+        best=best, trial=best, gain=zero, factor=triangle,
         normal=(triangle, tuple(zero for _ in triangle)) if form.keeps_equations else (),
-        cost=zero, dark=zero, earlier=zero, since=zero, damping=zero, blind=zero, steps=zero,
-        again=1.0, status=status,
+        cost=zero, has_dark_detector=zero, earlier=zero, since=zero, damping=zero,
+        is_singular=zero, steps=zero, must_reevaluate=1.0, status=status,
     )  # fmt: skip
 
 
 def unknown_slopes(vectors: Geometry, detectors: Any, free: Sequence[int]) -> Any:
     """The detectors' readings with their derivatives by the free unknowns.
 
-    detectors: the readings with their derivatives by the state.  The beam's place takes the mirror
-    along.
+    detectors: the readings with their derivatives by the state.  The derivatives by the beam's
+    position are those of a motion of beam and mirror together.
     """
     detectors_slopes: list[Any] = []
     for k, (values, derivatives) in enumerate(detectors):
@@ -176,89 +179,93 @@ def unknown_slopes(vectors: Geometry, detectors: Any, free: Sequence[int]) -> An
 
 
 def equations(
-    x: Sequence[Any], question: WeightedReading, linearise: Linearise
+    x: Sequence[Any], reading: WeightedReading, linearise: Linearise
 ) -> tuple[Any, Any, Any]:
-    """J'J with J'r, the sum of squares, and 1 where a detector that
-    reads light would have none."""
+    """The normal equations at a state: J'J with J'r, the sum of squares, and 1 if the model has no
+    light on a detector that reads light, else 0."""
     rows: list[Any] = []
     residuals: list[Any] = []
-    dark: Any = 0.0
+    has_dark: Any = 0.0
     for k, (values, derivatives) in enumerate(linearise(x)):
-        used = question.weights[3 * k] > 0
-        dark = select(used, select(values[2] > question.scales.light[1][k], dark, 1.0), dark)
+        used = reading.weights[3 * k] > 0
+        is_lit = values[2] > reading.scales.light[1][k]
+        has_dark = select(used, select(is_lit, has_dark, 1.0), has_dark)
         for i, (value, row) in enumerate(zip(values, derivatives, strict=True), 3 * k):
-            weight = question.weights[i]
+            weight = reading.weights[i]
             rows.append([select(used, weight * each, 0.0) for each in row])
-            residuals.append(select(used, weight * (question.values[i] - value), 0.0))
+            residuals.append(select(used, weight * (reading.values[i] - value), 0.0))
     matrix, right = linear_algebra.normal_equations([*zip(*rows, strict=True)], residuals)
     cost: Any = 0.0
     for residual in residuals:
         cost = cost + residual * residual
-    for j, c in enumerate(question.form.free):
+    for j, c in enumerate(reading.form.free):
         if c > 5:
-            weight = question.scales.weight[c - 6]
-            residual = weight * (question.means[c - 6] - x[c])
+            weight = reading.scales.weight[c - 6]
+            residual = weight * (reading.means[c - 6] - x[c])
             matrix[j][j] = matrix[j][j] + weight * weight
             right[j] = right[j] + weight * residual
             cost = cost + residual * residual
-    return (tuple(tuple(row) for row in matrix), tuple(right)), cost, dark
+    return (tuple(tuple(row) for row in matrix), tuple(right)), cost, has_dark
 
 
-def step(state: State, question: WeightedReading, linearise: Linearise) -> State:
-    """Judges what was tried, and finds what to try next.
+def step(state: State, reading: WeightedReading, linearise: Linearise) -> State:
+    """Accept or refuse the trial state, and compute the next one.
 
-    A step that is refused is made again from the best so far, with more damping; where equations
-    are not kept, they are first made once more.
+    A refused step is repeated from the best state with more damping. If the form does not keep the
+    equations there, they are first evaluated once more.
     """
-    at = select_each(state.again > 0.5, state.here, state.end)
-    normal, cost, dark = equations(at, question, linearise)
+    evaluated = select_each(state.must_reevaluate > 0.5, state.best, state.trial)
+    normal, cost, has_dark = equations(evaluated, reading, linearise)
     going = ready = state.status < CONVERGED
-    judged, better = compare_end(state, at, cost, dark, question)
-    if question.form.keeps_equations:
+    judged, better = judge_trial(state, evaluated, cost, has_dark, reading)
+    if reading.form.keeps_equations:
         normal = select_each(better, normal, state.normal)
         judged = judged._replace(normal=normal)
     else:
         ready = better
-    return move(count_step(judged, ready & going, question), ready, normal, question)
+    return propose_step(count_step(judged, ready & going, reading), ready, normal, reading)
 
 
-def compare_end(
-    state: State, at: Any, cost: Any, dark: Any, question: WeightedReading
+def judge_trial(
+    state: State, evaluated: Any, cost: Any, has_dark: Any, reading: WeightedReading
 ) -> tuple[State, Any]:
-    """The best state so far, whether what was tried is better, and how much to damp the next step.
+    """Compare the evaluated state with the best one, and set the damping of the next step.
 
-    A change within rounding is accepted; a step from light into the dark is not.
+    A rise of the sum of squares within rounding is accepted; a step that takes the light off a
+    detector is refused. Returns the state, and whether the evaluated one was accepted.
     """
-    going, small, damped = state.status < CONVERGED, question.small, question.scales.damped > 0
-    bold = (state.steps < 0.5) | (question.scales.damped < 0.5)  # accepts any number
+    going, small, damped = state.status < CONVERGED, reading.small, reading.scales.damped > 0
+    accepts_any = (state.steps < 0.5) | (reading.scales.damped < 0.5)
     rise = cost - (state.cost + small)
     within = (rise < 0) | (rise * rise < 4 * state.cost * small)  # cost < (root + root)**2
-    lit = (state.dark > 0.5) | (dark < 0.5)
-    better = going & ((bold & (cost < HUGE)) | (within & lit))
-    here, cost, dark = select_each(better, (at, cost, dark), (state.here, state.cost, state.dark))
-    fresh = going & (state.again < 0.5)
+    keeps_light = (state.has_dark_detector > 0.5) | (has_dark < 0.5)
+    better = going & ((accepts_any & (cost < HUGE)) | (within & keeps_light))
+    old = state.best, state.cost, state.has_dark_detector
+    best, cost, has_dark = select_each(better, (evaluated, cost, has_dark), old)
+    fresh = going & (state.must_reevaluate < 0.5)
     less = select(state.damping > MIN_DAMPING, state.damping / DAMPING_FACTOR, 0.0)
     more = select(state.damping > 0, state.damping * DAMPING_FACTOR, FIRST_DAMPING)
-    stuck = fresh & damped & (dark > 0.5) & (state.steps > MAX_DARK_STEPS - 0.5)
-    status = select(state.steps > question.scales.most_steps - 0.5, MAX_STEPS, GOING)
+    stuck = fresh & damped & (has_dark > 0.5) & (state.steps > MAX_DARK_STEPS - 0.5)
+    status = select(state.steps > reading.scales.most_steps - 0.5, MAX_STEPS, GOING)
     status = select(stuck, STALLED, status)
-    worse = select(bold, OUT_OF_RANGE, select(state.damping > MAX_DAMPING, STALLED, status))
+    worse = select(accepts_any, OUT_OF_RANGE, select(state.damping > MAX_DAMPING, STALLED, status))
     judged = state._replace(
-        here=here, cost=cost, dark=dark,
+        best=best, cost=cost, has_dark_detector=has_dark,
         damping=select(fresh, select(better, less, more), state.damping),
-        blind=select(fresh & better, 0.0, state.blind),
+        is_singular=select(fresh & better, 0.0, state.is_singular),
         status=select(going, select(better, status, worse), state.status),
     )  # fmt: skip
     return judged, better
 
 
-def count_step(state: State, ready: Any, question: WeightedReading) -> State:
-    """Stalled where the sum of squares has hardly fallen in PROGRESS_INTERVAL_STEPS steps."""
+def count_step(state: State, ready: Any, reading: WeightedReading) -> State:
+    """Count a step, and stall if the sum of squares has hardly fallen in PROGRESS_INTERVAL_STEPS
+    steps."""
     going = ready & (state.status < CONVERGED)
     since = state.since + select(going, 1.0, 0.0)
     due = going & (since > PROGRESS_INTERVAL_STEPS - 0.5)
     earlier = select(state.steps < 0.5, state.cost, state.earlier)
-    slow = due & (question.scales.damped > 0) & (state.cost > MAX_COST_SHARE * earlier)
+    slow = due & (reading.scales.damped > 0) & (state.cost > MAX_COST_FRACTION * earlier)
     return state._replace(
         steps=state.steps + select(going, 1.0, 0.0),
         since=select(due, 0.0, since),
@@ -267,59 +274,61 @@ def count_step(state: State, ready: Any, question: WeightedReading) -> State:
     )
 
 
-def move(state: State, ready: Any, normal: Any, question: WeightedReading) -> State:
-    """The next step, unless the estimate ends.
+def propose_step(state: State, ready: Any, normal: Any, reading: WeightedReading) -> State:
+    """Compute the next step from the best state, unless the estimate ends.
 
-    It is the last one where it changes less than rounding can, unless the damping alone has made it
-    so short.
+    The estimate ends with a step whose gain is below rounding, unless only the damping has made the
+    step that short.
     """
     damping, held = state.damping, state.damping > 0
-    factor, sure = linear_algebra.factorise(normal[0], damping)
+    factor, is_definite = linear_algebra.factorise(normal[0], damping)
     steps, gain = linear_algebra.solution(factor, normal[1])
-    end = list(state.here)
-    for c, change in zip(question.form.free, steps, strict=True):
-        end[c] = end[c] + change
+    trial = list(state.best)
+    for c, change in zip(reading.form.free, steps, strict=True):
+        trial[c] = trial[c] + change
         if c in (6, 7):
-            end[c - 6] = end[c - 6] + change
-    goes = ready & (state.status < CONVERGED)
-    short = gain < question.small
-    last = select(held, select(state.blind > 0.5, SINGULAR, GOING), CONVERGED)
-    lost = select(held | (question.scales.damped < 0.5), SINGULAR, GOING)
+            trial[c - 6] = trial[c - 6] + change
+    going = ready & (state.status < CONVERGED)
+    short = gain < reading.small
+    last = select(held, select(state.is_singular > 0.5, SINGULAR, GOING), CONVERGED)
+    lost = select(held | (reading.scales.damped < 0.5), SINGULAR, GOING)
+    shortened = select(is_definite, select(short, 0.0, damping), FIRST_DAMPING)
     return state._replace(
-        end=tuple(end),
+        trial=tuple(trial),
         gain=gain,
         factor=factor,
-        damping=select(goes, select(sure, select(short, 0.0, damping), FIRST_DAMPING), damping),
-        blind=select(goes, select(sure, state.blind, 1.0), state.blind),
-        again=select(goes & sure, select(short, 1.0, 0.0), 1.0),
-        status=select(goes, select(sure, select(short, last, GOING), lost), state.status),
+        damping=select(going, shortened, damping),
+        is_singular=select(going, select(is_definite, state.is_singular, 1.0), state.is_singular),
+        must_reevaluate=select(going & is_definite, select(short, 1.0, 0.0), 1.0),
+        status=select(going, select(is_definite, select(short, last, GOING), lost), state.status),
     )
 
 
-def redundancy_of(end: State, question: WeightedReading, used: Sequence[Any]) -> Any:
-    """The redundancy of the readings at a state that has converged: their number, plus the
-    fraction of beam and power that the priors determine, minus the number of unknowns."""
-    free = question.form.free
-    redundancy = 3 * (used[0] + used[1] + used[2]) - question.scales.eight - len(free)
+def redundancy_of(end: State, reading: WeightedReading, used: Sequence[Any]) -> Any:
+    """The redundancy at a converged state: the number of readings, plus the fraction of beam and
+    power that the priors determine, minus the number of unknowns."""
+    free = reading.form.free
+    redundancy = 3 * (used[0] + used[1] + used[2]) - reading.scales.eight - len(free)
     variances = linear_algebra.inverse([row[6:] for row in end.factor[6:]])
     for j, c in enumerate(free[6:]):
-        weight = question.scales.weight[c - 6]
+        weight = reading.scales.weight[c - 6]
         redundancy = redundancy + weight * weight * variances[j][j]
     return redundancy
 
 
-def final_status(end: State, question: WeightedReading, used: Sequence[Any]) -> Any:
-    """The status of an estimate: UNCHECKED where the readings have hardly any redundancy."""
-    if len(question.form.free) == 6:
+def final_status(end: State, reading: WeightedReading, used: Sequence[Any]) -> Any:
+    """The status of an estimate that has ended; UNCHECKED if it converged with hardly any
+    redundancy."""
+    if len(reading.form.free) == 6:
         return end.status
-    bare = redundancy_of(end, question, used) < question.scales.least_redundancy
-    return select((end.status < 0.5) & (end.status > -0.5) & bare, UNCHECKED, end.status)
+    unchecked = redundancy_of(end, reading, used) < reading.scales.least_redundancy
+    return select((end.status < 0.5) & (end.status > -0.5) & unchecked, UNCHECKED, end.status)
 
 
 def residual_of(end: State) -> Any:
     """The residual of a state that has converged, in standard deviations."""
-    left = end.cost - end.gain
-    return sqrt(select(left > 0, left, 0.0))
+    remaining = end.cost - end.gain
+    return sqrt(select(remaining > 0, remaining, 0.0))
 
 
 def covariance_of(factor: linear_algebra.Triangle, free: Sequence[int]) -> list[list[Any]]:
@@ -330,7 +339,7 @@ def covariance_of(factor: linear_algebra.Triangle, free: Sequence[int]) -> list[
         for j, b in enumerate(free):
             if max(a, b) < 8:
                 covariance[a][b] = steps[i][j]
-    if 6 in free:  # the mirror's place is that in the beam and the beam's, added
+    if 6 in free:  # the mirror's position is that in the beam plus that of the beam
         for c in (6, 7):
             for b in range(8):
                 covariance[c - 6][b] = covariance[c - 6][b] + covariance[c][b]

@@ -229,10 +229,10 @@ def write_estimator(form: Form, vectors: forward.Geometry, functions: dict[Any, 
         return step.residual_of(end), step.covariance_of(end.factor, form.free)
 
     def begin(start: Any, status: Any) -> step.State:
-        return step.begin(start, form, status)
+        return step.first_state(start, form, status)
 
     question, _, _ = javascript(
-        f"ask{name}", partial(step.ask, form), functions, NINE, NINE, VECTOR, SCALES
+        f"ask{name}", partial(step.screen_reading, form), functions, NINE, NINE, VECTOR, SCALES
     )
     state = javascript(f"begin{name}", begin, functions, NINE, NUMBER)
     javascript(f"step{name}", advance, functions, state, question, vectors, lambda: DETECTORS)

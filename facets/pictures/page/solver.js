@@ -129,14 +129,14 @@ const Solver = (() => {
 
     function told(plan, end, [residual, ofState], used) {
       const count = used.filter(Boolean).length, ended = SOLVER.statuses[end.status];
-      const cut = ended === "converged" && isCut(end.end, used);
+      const cut = ended === "converged" && isCut(end.trial, used);
       const status = cut ? "out of range" : ended, converged = status === "converged";
       const checks = Math.max(3 * count + plan.none, 0), limit = plan.limits[checks];
       const covariance = converged ? ofState : nothing(8, 8);
       return {
         status, converged, ok: converged && !(residual > limit),
-        state: converged ? end.end.slice(0, 8) : nothing(8),
-        power: converged ? end.end[8] : NaN, used, steps: end.steps,
+        state: converged ? end.trial.slice(0, 8) : nothing(8),
+        power: converged ? end.trial[8] : NaN, used, steps: end.steps,
         residual: converged ? residual : NaN, checks, limit, covariance,
         uncertainty: covariance.map((row, n) => Math.sqrt(row[n])),
       };
