@@ -27,10 +27,10 @@ from ..estimation import (
     Plan,
     common_detectors,
     detectors_of,
+    find_axis_dwells,
     mean,
-    per_row,
     propagate_in_light,
-    stands_of_axis,
+    row_variance,
 )
 from ..files import Source, join_columns, read_chunks, read_words
 from .error_motions import LETTERS, AxisTest, Commands, Visits
@@ -200,7 +200,7 @@ def find_visits(
     place = moved[:, test.main]
     check_axis(moved, test.axis)
     rate = (len(place) - 1) / (series.time[-1] - series.time[0]) if len(place) > 1 else 1.0
-    parts = stands_of_axis(place, max(2, round(test.shortest_s * rate)))
+    parts = find_axis_dwells(place, max(2, round(test.shortest_s * rate)))
     if len(parts) < 2:
         raise InputError(
             f"the axis stands still {len(parts)} times for {test.shortest_s:g} s or more; needed: "
@@ -414,7 +414,7 @@ def excess_scatter(series: PoseSeries, parts: list[slice], noise: Floats) -> Flo
     long = [n for n, some in enumerate(rows) if len(some) >= SCATTER_ROWS]
     if not long:
         return np.ones(6)
-    measured = per_row([rows[n] for n in long], np.ones((len(long), 6)))
+    measured = row_variance([rows[n] for n in long], np.ones((len(long), 6)))
     expected = np.median(np.diagonal(noise[long], axis1=1, axis2=2)[:, :6], axis=0)
     excess: Floats = np.sqrt(np.maximum(1.0, measured / np.maximum(expected, 1e-300)))
     return excess

@@ -9,10 +9,10 @@ if TYPE_CHECKING:
         propagate_in_light as propagate_in_light,
     )
     from .dwells import (
+        find_axis_dwells as find_axis_dwells,
         finite_means as finite_means,
         mean as mean,
-        per_row as per_row,
-        stands_of_axis as stands_of_axis,
+        row_variance as row_variance,
     )
     from .measurement import Measurement as Measurement
     from .plan import Plan as Plan, make_plan as make_plan
@@ -38,7 +38,7 @@ else:
         {
             "differences": "lasting_covariance propagate_in_light",
             "doubts": "has_fold",
-            "dwells": "dwell_means finite_means mean per_row stands stands_of_axis",
+            "dwells": "dwell_means finite_means mean row_variance find_dwells find_axis_dwells",
             "measurement": "Measurement",
             "plan": "FALSE_ALARM_RATE LIMITS Plan make_plan",
             "problem": "MIN_REDUNDANCY",

@@ -1,6 +1,6 @@
 """Estimate poses by compiled code, with one lane for each reading: see `step` and `block_code`.
 
-What a reading gives does not depend on the others in its block.
+The result of a reading does not depend on the others in its block.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ if TYPE_CHECKING:
     from ..model.block_code import LaneWrite
 
 Array = Any
-#: Estimates blocks of readings, of the address of a task.
+#: Compiled code that estimates blocks of readings; its argument is the address of a `BlockTask`.
 Code = Callable[[int], None]
 
 #: Number of readings in the first run of estimates in turn, and in the run after a reading that has
 #: no pose; each further run has twice as many.
 FEWEST_IN_A_ROW = 8
 
-#: The files that this is made of, beside those of the model's blocks.
+#: The files on which the compiled code depends, in addition to those of the model's blocks.
 PARTS = (
     "block_code.py",
     "blocks.py",
@@ -61,8 +61,10 @@ PARTS = (
 
 @once
 def kernel(form: Form, width: int | None = None) -> Code:
-    """The compiled function for a form, in blocks of a width, `lanes()` unless given; compiled now
-    if need be."""
+    """Return the compiled code for a form; compile it if it is not cached.
+
+    width: number of readings in a block; `lanes()` by default.
+    """
 
     def make_writer() -> LaneWrite:
         from . import block_code
@@ -74,6 +76,7 @@ def kernel(form: Form, width: int | None = None) -> Code:
 
 
 def scales_of(readings: Readings, problem: FitProblem) -> Array:
+    """The numbers of `Scales` in one array."""
     limits = problem.limits
     checks = count_checks(0, problem.free, problem.weight) - limits.eight
     scales = Scales(
@@ -102,13 +105,13 @@ def estimate_blocks(
 ) -> None:
     """Estimate readings in blocks, and write them into `results`.
 
-    Readings that need many steps are estimated anew, side by side.
+    Readings that need many steps are then estimated again, together in blocks of their own.
 
-    code: from `kernel`.  packed: of the sensor, or a row for each reading.  patient: see
-    `BlockTask`.
+    code: from `kernel`.  packed: the vectors of the sensor, or a row for each reading.  patient:
+    see `BlockTask`.
     """
     n = len(readings.values)
-    whole, ends = n // lanes() * lanes(), np.empty((n, 5))
+    full, ends = n // lanes() * lanes(), np.empty((n, 5))
     inputs = (readings.values, weights_of(readings), problem.means, problem.starts)
     outputs = (results.states, ends, results.residuals, results.covariances)
     scales = scales_of(readings, problem)
@@ -118,20 +121,20 @@ def estimate_blocks(
         some = (part_of(rows, which, n) for rows in inputs)
         run_blocks(code, (sensors, scales, *some, *part), patient)
 
-    if whole:
-        run(slice(whole), [rows[:whole] for rows in outputs])
-    if n > whole:
+    if full:
+        run(slice(full), [rows[:full] for rows in outputs])
+    if n > full:
         part = [np.empty((lanes(), *rows.shape[1:])) for rows in outputs]
-        run(np.minimum(np.arange(whole, whole + lanes()), n - 1), part)  # the last one repeated
+        run(np.minimum(np.arange(full, full + lanes()), n - 1), part)  # repeats the last reading
         for rows, some in zip(outputs, part, strict=True):
-            rows[whole:] = some[: n - whole]
+            rows[full:] = some[: n - full]
     put_ends(ends, results)
     late = np.flatnonzero(results.status == GOING)
-    if len(late):  # no block has waited for them
-        again = empty_results(len(late), results.covariances.shape[1] > 0)
+    if len(late):  # blocks did not wait for them
+        repeated = empty_results(len(late), results.covariances.shape[1] > 0)
         sensors = packed[late] if packed.ndim > 1 else packed
-        estimate_blocks(code, sensors, *some_rows(late, readings, problem), again, patient=True)
-        put_rows(results, late, again)
+        estimate_blocks(code, sensors, *some_rows(late, readings, problem), repeated, patient=True)
+        put_rows(results, late, repeated)
 
 
 def put_ends(ends: Array, results: Results) -> None:
@@ -144,37 +147,37 @@ def put_ends(ends: Array, results: Results) -> None:
 def run_blocks(
     code: Code, arrays: Sequence[Array], patient: bool, width: int | None = None
 ) -> None:
-    """Run code on whole blocks.
+    """Run compiled code on complete blocks.
 
-    arrays: in the order of `BlockTask`.  width: of a block; `lanes()` unless given.
+    arrays: in the order of `BlockTask`.  width: readings in a block; `lanes()` by default.
     """
     _, _, values, _, means, starts, *_ = arrays
     count = len(values)
     has_own_rows = (True, len(means) == count, len(starts) == count)
     blocks = count // (width or lanes())
-    task = task_of(arrays, (*has_own_rows, 0, patient), blocks)  # kept while the code runs
+    task = task_of(arrays, (*has_own_rows, 0, patient), blocks)  # must live while the code runs
     code(address_of(task))
 
 
 def weights_of(readings: Readings) -> Array:
-    """Weights from standard deviations, with any number for a spoilt reading; the sigmas
-    themselves where readings have none."""
+    """The weights (n, 9) of readings from their standard deviations; for readings without, an array
+    of this shape with any numbers."""
     with np.errstate(all="ignore"):
         return 1 / readings.sigmas if len(readings.sigmas) else readings.values
 
 
 def task_of(arrays: Sequence[Array], flags: Sequence[int], blocks: int) -> Array:
-    """A `BlockTask` in memory.  arrays, flags: in its order; covariances may be empty."""
+    """Write a `BlockTask` into memory.  arrays, flags: in its order; covariances may be empty."""
     places = [address_of(array) if array.size else 0 for array in arrays]
     return np.array(BlockTask._make((*places, *flags, blocks)), np.int64)
 
 
 class KeptBlocks:
-    """Blocks for a few readings at a time, whose memory is kept.
+    """Memory for estimating a few readings at a time, used again and again.
 
-    It reads what `readings` and `problem` have in their memory when it is asked: a single reading,
-    which all lanes have, or as many as fill whole blocks.
-    numbers: the solutions, a row of those of `LazySolution` for each; overwritten by the next
+    `estimate` takes the readings that are then in the arrays of `readings` and `problem`: a single
+    one, which all lanes estimate, or as many as fill complete blocks.
+    numbers: a row of the numbers of a `LazySolution` for each reading; overwritten by the next
     readings.
     """
 
@@ -194,7 +197,7 @@ class KeptBlocks:
             problem.means, problem.starts, row, row[STATUS:], row[RESIDUAL:], row[COVARIANCE:],
         )  # fmt: skip
         flags = (count > 1, False, False, width if count > 1 else 0, True)
-        self._kept, self._task = arrays, task_of(arrays, flags, max(count // lanes(), 1))
+        self._arrays, self._task = arrays, task_of(arrays, flags, max(count // lanes(), 1))
         self._address = address_of(self._task)
 
     def estimate(self, code: Code) -> None:
@@ -213,9 +216,9 @@ def estimate_in_turn(
 ) -> None:
     """Estimate readings one after the other, and write them into `results`.
 
-    Each reading starts where the last one that converged has ended, and from its own start where
-    that does not lead to a pose.  The arguments are those of `estimate_blocks`; code: in blocks of
-    `SINGLE`.
+    Each reading starts at the end of the last one that converged, and again from its own start if
+    it has no pose then.  The arguments are those of `estimate_blocks`; code: for blocks of `SINGLE`
+    lanes.
     """
     count, near, n, length = len(readings.values), None, 0, FEWEST_IN_A_ROW
     fixed = np.delete(np.arange(UNKNOWNS), problem.free)
@@ -259,10 +262,9 @@ def follow(
     problem: FitProblem,
     covariance: bool,
 ) -> Results:
-    """Estimate each reading from where the one before has ended, the first from the only start
-    (9,).
+    """Estimate each reading from the end of the one before it; the first from the start (9,).
 
-    After a reading without a pose no reading has one.  The starts are the states, a row earlier.
+    No reading after one without a pose has a pose. The starts are the states, one row earlier.
     """
     count = len(readings.values)
     states, ends = np.empty((SINGLE * (count + 1), UNKNOWNS)), np.empty((SINGLE * count, 5))
@@ -327,7 +329,7 @@ def find_code(
 
 
 def prepare(sensor: Sensor, knowledge: Knowledge) -> None:
-    """Compile or load everything that a reading may need, for a loop that cannot wait."""
+    """Compile or load all code that a reading may need, so that a live loop never waits for it."""
     free, kind = tuple(make_plan(sensor, knowledge).free.tolist()), kind_of(sensor)
     for exact in (False, True) if kind in LIT else (False,):
         for width in (None, SINGLE):

@@ -1,7 +1,7 @@
-"""How uncertain the mean of several samples is, and the difference of two poses.
+"""The uncertainty of the mean of several samples, and of the difference of two poses.
 
-With N the covariance of one sample's noise, P that of the priors of beam and power, C that of the
-calibrated parameters and G the derivatives of a solved state by these, a mean over n samples has
+Let N be the covariance of one sample's noise, P that of the priors of beam and power, C that of the
+calibrated parameters, and G the derivatives of a solved state by these. A mean over n samples has
 the covariance
 
     N / n + P + G C G'
@@ -10,15 +10,16 @@ and the difference of two such means, at the states 1 and 2,
 
     N_1 / n_1 + N_2 / n_2 + P_1 + P_2 + (G_2 - G_1) C (G_2 - G_1)'
 
-The parameters are off by the same at both states; the priors' errors are taken to be independent.
-What the residuals of a calibration show beyond its noise (`MISFIT`) has an unknown cause, and is
-taken to have no covariance from one state to another, so that a difference has it twice. What the
-model itself errs by (`MODEL_ERROR`) hardly changes over short ways: its covariance between two
-states is its variance times exp(-d^2 / 2), with d the shifts of the spot and of the apex beside
-the beam, over `SPOT_LENGTH_MM` and `APEX_LENGTH_MM`.
+The errors of the parameters are the same at both states; those of the priors are taken to be
+independent. The excess of a calibration's residuals over its noise (`MISFIT`) has an unknown cause.
+It is taken to be uncorrelated between states, so that a difference contains it twice. The error of
+the model itself (`MODEL_ERROR`) hardly changes over short distances: its covariance between two
+states is its variance times exp(-d^2 / 2). Here d is the distance between the two states: the
+shifts of the spot, and of the apex relative to the beam, in units of `SPOT_LENGTH_MM` and
+`APEX_LENGTH_MM`.
 
-The displacement of an object from a zero pose follows both poses by the derivatives A_1 and A_2 of
-the composed motion. They take the place of -1 and 1: the calibration's part is
+The displacement of an object from a zero pose depends on both poses. The derivatives A_1 and A_2 of
+the composed motion then replace -1 and 1: the calibration's part is
 (A_1 G_1 + A_2 G_2) C (A_1 G_1 + A_2 G_2)'.
 """
 
@@ -43,9 +44,9 @@ from .uncertainty import Propagation, carry_over, propagate, slices_of
 if TYPE_CHECKING:
     from ..core.sensor import Calibration
 
-#: Shifts of a spot on its detector, and of the apex beside the beam, over which the error of the
-#: model of real light hardly changes: so short that 95 % of the steps of 28
-#: rigs that were read by rays lay within their intervals.
+#: Shifts of a spot on its detector, and of the apex relative to the beam, over which the error of
+#: the model of real light hardly changes. They are so short that 95 % of the steps of 28 rigs,
+#: whose readings were traced by rays, lay within their intervals.
 SPOT_LENGTH_MM, APEX_LENGTH_MM = 0.3, 0.05
 
 
@@ -65,18 +66,18 @@ def mean_uncertainty(
     sensor
         The sensor; with `Sensor.calibration` the calibration's part is in the result.
     states
-        States, (..., 8); mm and rad, world frame: the means, such as those of `Solution.state`.
+        The means: states (..., 8), mm and rad, world frame.
     samples
         Number of samples in each mean, 1 or more. Their noise must be independent: samples that
         come faster than the electronics' bandwidth allows count as fewer.
     beam, power
-        What was known of them, as for `facets.solve`; of a `Prior` its sigma alone counts.
+        Knowledge of them, as for `facets.solve`; the mean of a `Prior` is ignored.
 
     Returns
     -------
     ndarray or DataFrame
         (..., 8), mm and rad: one standard deviation. NaN where a state is not finite or a detector
-        has no reading. Of a data frame the columns u_tx_mm, ..., u_yaw_mrad, ... with its index.
+        has no reading. For a data frame, the columns u_tx_mm, ..., u_yaw_mrad, ... with its index.
 
     Raises
     ------
@@ -85,8 +86,8 @@ def mean_uncertainty(
 
     Notes
     -----
-    The variance is that of the noise over the number of samples, and those of the priors and of the
-    calibration, which stay. All three detectors are taken to have light.
+    The variance is that of the noise divided by the number of samples, plus those of the priors and
+    of the calibration. All three detectors are taken to have light.
 
     Examples
     --------
@@ -104,10 +105,10 @@ def mean_uncertainty(
     out = np.empty((len(rows), 8))
     for part in slices_of(len(rows)):
         propagation = propagate_in_light(sensor, rows[part], plan)
-        whole = covariance_of_mean(propagation, samples)
+        covariance = covariance_of_mean(propagation, samples)
         if sensor.calibration is not None:
-            whole += carry_over(sensor.calibration, propagation.slopes)
-        out[part] = root_of_diagonal(whole)
+            covariance += carry_over(sensor.calibration, propagation.slopes)
+        out[part] = root_of_diagonal(covariance)
     return frame_like(states, out.reshape(*shape, 8))
 
 
@@ -128,13 +129,13 @@ def difference_uncertainty(
     sensor
         The sensor; with `Sensor.calibration` the calibration's part is in the result.
     first, second
-        States, (..., 8) each; mm and rad, world frame: where the step began and where it ended.
+        States (..., 8) at the beginning and at the end of the step; mm and rad, world frame.
     samples
         Number of samples whose mean each of the two poses is, 1 or more; see `mean_uncertainty`.
     beam, power
-        What was known of them, as for `facets.solve`; of a `Prior` its sigma alone counts. A prior
-        is taken to have independent errors at the two poses: for a beam that stood still meanwhile,
-        say "known".
+        Knowledge of them, as for `facets.solve`; the mean of a `Prior` is ignored. The errors of a
+        prior are taken to be independent at the two poses: for a beam that did not move, give
+        "known".
 
     Returns
     -------
@@ -150,9 +151,9 @@ def difference_uncertainty(
 
     Notes
     -----
-    The parameters of the sensor are off by the same at both poses. What they do to the difference
-    is the difference of what they do to the poses, which is small for a small step: the two poses'
-    stated uncertainties say nothing of it. All three detectors are taken to have light.
+    The errors of the sensor's parameters are the same at both poses. Their effect on the difference
+    is the difference of their effects on the poses, which is small for a small step; it does not
+    follow from the uncertainties of the two poses. All three detectors are taken to have light.
 
     Examples
     --------
@@ -179,26 +180,28 @@ def difference_uncertainty(
 def step_uncertainties(
     sensor: Sensor, states: tuple[Floats, Floats], plan: Plan, samples: int
 ) -> Floats:
-    """`difference_uncertainty` of states (n, 8) and others: (n, 8)."""
+    """Compute `difference_uncertainty` (n, 8) of pairs of states (n, 8)."""
     out = np.empty((len(states[0]), 8))
     for part in slices_of(len(out)):
         some = states[0][part], states[1][part]
         first, second = (propagate_in_light(sensor, ends, plan) for ends in some)
-        whole = covariance_of_mean(first, samples) + covariance_of_mean(second, samples)
+        covariance = covariance_of_mean(first, samples) + covariance_of_mean(second, samples)
         if sensor.calibration is not None:
             assert first.slopes is not None
-            shares = common_shares(sensor.calibration, (first, second), some)
+            fractions = common_fractions(sensor.calibration, (first, second), some)
             slopes = -first.slopes, second.slopes
-            whole += covariance_of_sum(sensor.calibration, slopes, shares)
-        out[part] = root_of_diagonal(whole)
+            covariance += covariance_of_sum(sensor.calibration, slopes, fractions)
+        out[part] = root_of_diagonal(covariance)
     return out
 
 
 def propagate_in_light(
     sensor: Sensor, states: Floats, plan: Plan, used: Booleans | None = None
 ) -> Propagation:
-    """`propagate` of states (n, 8) with light on the detectors that were used (n, 3), or on all;
-    NaN where one of these has no reading."""
+    """Return `propagate` of states (n, 8); NaN where a used detector has no reading.
+
+    used: (n, 3) whether each detector was used; all by default.
+    """
     if used is None:
         used = np.ones((len(states), 3), dtype=bool)
     propagation = propagate(sensor, sensor.calibration, states, used, plan)
@@ -208,64 +211,70 @@ def propagate_in_light(
 
 
 def covariance_of_mean(propagation: Propagation, samples: int) -> Floats:
-    """The covariance (n, 8, 8) of a mean by noise and priors: its noise is smaller, the priors
-    stay."""
-    whole: Floats = propagation.noise / samples + (propagation.statistical - propagation.noise)
-    return whole
+    """The covariance (n, 8, 8) of a mean over samples due to noise and priors."""
+    noise = propagation.noise
+    covariance: Floats = noise / samples + (propagation.statistical - noise)
+    return covariance
 
 
 def covariance_of_sum(
-    known: Calibration, slopes: tuple[Floats, Floats | None], shares: Floats
+    calibration: Calibration, slopes: tuple[Floats, Floats | None], fractions: Floats
 ) -> Floats:
     """The calibration's part (n, m, m) of the covariance of the sum of two quantities.
 
-    slopes: their derivatives (n, m, p) by the parameters.  shares: (n, p) of the parameters'
-    variances that they have in common.
+    slopes: derivatives (n, m, p) of each quantity by the parameters.  fractions: (n, p) fraction of
+    each parameter's variance that is common to both quantities.
     """
     first, second = slopes
     assert second is not None
-    common, separate = np.sqrt(shares)[:, None, :], np.sqrt(1 - shares)[:, None, :]
-    whole = carry_over(known, (second + first) * common)
+    common, separate = np.sqrt(fractions)[:, None, :], np.sqrt(1 - fractions)[:, None, :]
+    covariance = carry_over(calibration, (second + first) * common)
     for part in (first, second):
-        whole += carry_over(known, part * separate)
-    return whole
+        covariance += carry_over(calibration, part * separate)
+    return covariance
 
 
-def common_shares(
-    known: Calibration, ends: tuple[Propagation, Propagation], states: tuple[Floats, Floats]
+def common_fractions(
+    calibration: Calibration,
+    ends: tuple[Propagation, Propagation],
+    states: tuple[Floats, Floats],
 ) -> Floats:
-    """The share of each variance of `known` that two states have in common: (n, p)."""
+    """The fraction (n, p) of each calibrated parameter's variance that two states have in common.
+
+    ends, states: the propagation at each of the two states, and the states (n, 8).
+    """
     shift = (ends[1].readings - ends[0].readings).reshape(-1, 3, 3)[:, :, :2] / SPOT_LENGTH_MM
     apex = [state[:, :2] - state[:, 6:] for state in states]
-    beside = (apex[1] - apex[0]) / APEX_LENGTH_MM
-    squares = (shift**2).sum(axis=2) + (beside**2).sum(axis=1)[:, None]
+    apex_shift = (apex[1] - apex[0]) / APEX_LENGTH_MM
+    squares = (shift**2).sum(axis=2) + (apex_shift**2).sum(axis=1)[:, None]
     near = np.repeat(np.exp(-squares / 2), 3, axis=1)
-    shares = np.ones((len(near), len(known.names)))
-    for n, name in enumerate(known.names):
+    fractions = np.ones((len(near), len(calibration.names)))
+    for n, name in enumerate(calibration.names):
         if name in MISFIT:
-            shares[:, n] = 0.0
+            fractions[:, n] = 0.0
         elif name in MODEL_ERROR:
-            shares[:, n] = near[:, MODEL_ERROR.index(name)]
-    return shares
+            fractions[:, n] = near[:, MODEL_ERROR.index(name)]
+    return fractions
 
 
 def lasting_covariance(sensor: Sensor, propagation: Propagation, states: Floats) -> Floats:
-    """The covariance (n, 8, n, 8) of what states (n, 8) err by in every sample alike.
+    """The covariance (n, 8, n, 8) of the errors of states (n, 8) that are the same in every sample.
 
-    It holds the calibration's part, with what two states have in common as in a difference, and
-    that of the priors, which err by the same at all states: the beam must have stood still. What
-    two visits of the same state err by is the same.
+    It has two parts. That of the calibration has the same correlation between states as in a
+    difference; two visits of the same state have the same error. The errors of the priors are the
+    same at all states: the beam must not have moved.
     """
-    count = len(states)
-    whole: Floats = np.einsum("aip,bjp->aibj", propagation.priors, propagation.priors)
-    known = sensor.calibration
-    if known is None:
-        return whole
+    covariance: Floats = np.einsum("aip,bjp->aibj", propagation.priors, propagation.priors)
+    calibration = sensor.calibration
+    if calibration is None:
+        return covariance
     assert propagation.slopes is not None
-    for n in range(count):
+    for n in range(len(states)):
         single = propagation._replace(readings=propagation.readings[n : n + 1])
-        common = np.sqrt(common_shares(known, (single, propagation), (states[n : n + 1], states)))
+        ends, pair = (single, propagation), (states[n : n + 1], states)
+        common = np.sqrt(common_fractions(calibration, ends, pair))
         common[n] = 1.0
-        first = (propagation.slopes[n] * common[:, None, :]) @ np.array(known.covariance)
-        whole[n] += np.einsum("bip,bjp->ibj", first, propagation.slopes * common[:, None, :])
-    return whole
+        slopes = propagation.slopes * common[:, None, :]
+        first = (propagation.slopes[n] * common[:, None, :]) @ np.array(calibration.covariance)
+        covariance[n] += np.einsum("bip,bjp->ibj", first, slopes)
+    return covariance

@@ -1,12 +1,13 @@
-"""Averages over the times in which a reference stands still.
+"""Averages over the dwells of a reference: the periods in which it is at rest at one position.
 
-A motion in steps, recorded at full rate, has thousands of rows at one pose, and rows on the way
-from one to the next. Each stand becomes one row of means; the rows between are left out. How well a
-mean is known is told by the scatter of the means of its parts, so that noise which is the same in
-neighbouring rows counts as it should. That is taken over all stands together, since one has few
-parts, and by the median of all, which a few stands that were spoilt do not move; the noise of a
-place goes with one over the power that falls on the detector. What a converter's steps leave in a
-mean does not scatter: `samples.add_converter_steps` adds it.
+A motion in steps, recorded at full rate, has thousands of rows at each position and some rows
+between two positions. Each dwell becomes one row of means; the rows in between are excluded.
+
+The uncertainty of a mean follows from the scatter of the means of the dwell's parts, which counts
+noise that is correlated between rows as it should. As one dwell has few parts, the median over all
+dwells is used, which a few corrupted dwells do not change. The noise of a position is proportional
+to 1/power on the detector. The error that a converter's steps leave in a mean does not scatter:
+`samples.add_converter_steps` adds it.
 """
 
 from __future__ import annotations
@@ -18,36 +19,37 @@ import numpy as np
 from ..core.names import READING_COLUMNS
 from ..core.units import Floats
 
-#: A stand has so many rows at least.
+#: Least number of rows in a dwell.
 FEWEST = 32
-#: The reference stays within so many of its standard uncertainties of where the stand began.
+#: Largest distance of the reference from the dwell's first row, in standard uncertainties.
 WITHIN = 2.0
-#: Share of a stand's rows that is left out at each end, where the mirror may still swing.
+#: Fraction of a dwell's rows that is excluded at each end, where the mirror may still swing.
 ENDS = 0.05
-#: Parts of a stand whose means are compared.
+#: Number of parts of a dwell whose means are compared.
 PARTS = 4
-#: Standard deviations from the median beyond which a row is left out of a stand's mean.
+#: Rows further than this from the dwell's median, in standard deviations, are excluded.
 FAR = 12.0
-#: Blocks of rows, whose means are compared, in the shortest stand of an axis.
+#: Number of blocks of rows in the shortest dwell of an axis; the means of blocks are compared.
 BLOCKS = 12
-#: An axis stands still while the means of blocks stay within this number of their standard
-#: deviations, which one block in 45,000 leaves by chance.
+#: An axis is at rest while the means of blocks stay within this many of their standard deviations;
+#: one block in 45,000 exceeds them by chance.
 STEP_SIGMAS = 6.0
-#: The share of the whole way within which an axis may creep or drift during a stand.
-CREEP_SHARE = 1 / 5000
-#: A normal distribution's standard deviation over the median size of a difference of two.
-QUARTILES_OF_STEP = 1 / (0.67449 * 2**0.5)
-#: The distance of a normal distribution's quartiles, in standard deviations.
+#: Largest creep or drift of an axis during a dwell, as a fraction of its travel.
+CREEP_FRACTION = 1 / 5000
+#: Standard deviation of normal deviates over the median of the differences between two of them.
+SIGMA_PER_MEDIAN_STEP = 1 / (0.67449 * 2**0.5)
+#: Distance between the quartiles of a normal distribution, in standard deviations.
 QUARTILES = 1.349
-#: The median of a variance of `PARTS` normal deviates, over its mean: chi-square of 3, by 3.
+#: Median over mean of the variance of `PARTS` normal deviates: that of chi-square with 3 degrees of
+#: freedom.
 MEDIAN_OF_VARIANCE = 2.36597 / 3
 
 
 class Dwells(NamedTuple):
-    """Means of columns over the stands of a reference.
+    """Means of columns over the m dwells of a reference.
 
     columns: means, (m,) each.  noise: (m, 9) standard deviations of the readings' means.
-    rows: (m,) numbers of rows in each mean.  left_out: number of rows outside of all stands.
+    rows: (m,) number of rows in each mean.  left_out: number of rows outside of all dwells.
     """
 
     columns: dict[str, Floats]
@@ -56,11 +58,11 @@ class Dwells(NamedTuple):
     left_out: int
 
 
-def stands(pose: Floats, sigma: Floats, fewest: int = FEWEST) -> list[slice]:
-    """Find the rows during which the reference stands still.
+def find_dwells(pose: Floats, sigma: Floats, fewest: int = FEWEST) -> list[slice]:
+    """Find the rows of each dwell of a reference.
 
-    pose: (n, d) of the axes that it measures.  sigma: (d,).  fewest: rows of a
-    stand.
+    pose: (n, d) the axes that it measures.  sigma: (d,) their standard uncertainties.  fewest:
+    least number of rows in a dwell.
     """
     bad = np.asarray(~np.isfinite(pose).all(axis=1))
     scaled = np.where(bad[:, None], np.inf, pose) / (WITHIN * sigma)
@@ -79,27 +81,27 @@ def stands(pose: Floats, sigma: Floats, fewest: int = FEWEST) -> list[slice]:
     return parts
 
 
-def stands_of_axis(place: Floats, shortest: int) -> list[slice]:
-    """Find the rows during which an axis stands still, from its noisy coordinate alone.
+def find_axis_dwells(place: Floats, shortest: int) -> list[slice]:
+    """Find the rows of each dwell of an axis from its measured coordinate alone.
 
-    place: (n,) as the sensor measures it; NaN where there is no pose.  shortest: rows of the
-    shortest stand. Means of blocks are compared, so that noise hides smaller steps less; the first
-    and the last block of a stand are left out.
+    The means of blocks of rows are compared, because their noise hides smaller steps less. The
+    first and the last block of a dwell are excluded: the axis may move within them.
+
+    place: (n,) the coordinate; NaN without a pose.  shortest: least number of rows in a dwell.
     """
     size = max(1, shortest // BLOCKS)
     count = len(place) // size
     blocks = finite_means(place[: count * size].reshape(count, size))
     steps = np.abs(np.diff(blocks))
-    noise = float(np.nanmedian(steps)) * QUARTILES_OF_STEP if np.isfinite(steps).any() else 0.0
-    way = float(np.nanmax(blocks) - np.nanmin(blocks)) if np.isfinite(blocks).any() else 0.0
-    sigma = np.array([max(STEP_SIGMAS * noise, CREEP_SHARE * way, 1e-12) / WITHIN])
-    block_stands = stands(blocks[:, None], sigma, fewest=min(BLOCKS, max(3, shortest // size)))
-    # The axis may begin or end its move within the outermost blocks.
-    return [slice((part.start + 1) * size, (part.stop - 1) * size) for part in block_stands]
+    noise = float(np.nanmedian(steps)) * SIGMA_PER_MEDIAN_STEP if np.isfinite(steps).any() else 0.0
+    travel = float(np.nanmax(blocks) - np.nanmin(blocks)) if np.isfinite(blocks).any() else 0.0
+    sigma = np.array([max(STEP_SIGMAS * noise, CREEP_FRACTION * travel, 1e-12) / WITHIN])
+    parts = find_dwells(blocks[:, None], sigma, fewest=min(BLOCKS, max(3, shortest // size)))
+    return [slice((part.start + 1) * size, (part.stop - 1) * size) for part in parts]
 
 
 def finite_means(values: Floats) -> Floats:
-    """Means over the last axis without missing values; NaN where there are none."""
+    """Means over the last axis without missing values; NaN where all values are missing."""
     there = np.isfinite(values)
     with np.errstate(invalid="ignore"):
         means: Floats = np.where(there, values, 0.0).sum(axis=-1) / there.sum(axis=-1)
@@ -107,7 +109,10 @@ def finite_means(values: Floats) -> Floats:
 
 
 def start_of_next(scaled: Floats, start: int) -> int:
-    """The first row after `start` at another place, searched for in growing pieces."""
+    """Find the first row after `start` at another position, in pieces of growing size.
+
+    scaled: (n, d) positions in units of the largest allowed distance.
+    """
     end, size = start + 1, FEWEST
     while end < len(scaled):
         part = slice(end, end + size)
@@ -119,23 +124,23 @@ def start_of_next(scaled: Floats, start: int) -> int:
 
 
 def dwell_means(columns: dict[str, Floats], pose: Floats, sigma: Floats) -> Dwells:
-    """Average columns (n,) over the stands of a reference (n, d) with standard uncertainties
+    """Average columns (n,) over the dwells of a reference (n, d) with standard uncertainties
     `sigma` (d,)."""
-    parts = stands(pose, sigma)
+    parts = find_dwells(pose, sigma)
     means = {
         name: np.array([mean(values[part]) for part in parts]) for name, values in columns.items()
     }
     rows = np.array([part.stop - part.start for part in parts], dtype=float)
     readings = np.column_stack([columns[name] for name in READING_COLUMNS])
-    share = shares(np.column_stack([means[name] for name in READING_COLUMNS]))
-    spread = per_row([readings[part] for part in parts], share)
-    noise = share * np.sqrt(spread / np.maximum(rows, 1)[:, None])
+    ratios = noise_ratios(np.column_stack([means[name] for name in READING_COLUMNS]))
+    variance = row_variance([readings[part] for part in parts], ratios)
+    noise = ratios * np.sqrt(variance / np.maximum(rows, 1)[:, None])
     left_out = len(pose) - int(rows.sum())
     return Dwells(means, noise, rows, left_out)
 
 
 def mean(values: Floats) -> float:
-    """The mean of the values of a stand, without those far from all others."""
+    """The mean of the values of a dwell, without missing values and outliers; NaN for no values."""
     there = values[np.isfinite(values)]
     if not there.size:
         return np.nan
@@ -145,37 +150,40 @@ def mean(values: Floats) -> float:
     return float(there.mean())
 
 
-def shares(means: Floats) -> Floats:
-    """Relative noise of the readings (m, 9) from stand to stand: proportional to 1 / power for a
-    place, constant for a power."""
-    noise_shares: Floats = np.ones_like(means)
+def noise_ratios(means: Floats) -> Floats:
+    """The noise of each dwell's readings relative to the median dwell: (m, 9).
+
+    It is proportional to 1/power for a position and constant for a power.  means: (m, 9).
+    """
+    ratios: Floats = np.ones_like(means)
     if not len(means):
-        return noise_shares
+        return ratios
     for k in range(3):
         power = means[:, 3 * k + 2]
-        noise_shares[:, 3 * k : 3 * k + 2] = (np.nanmedian(power) / power)[:, None]
-    return noise_shares
+        ratios[:, 3 * k : 3 * k + 2] = (np.nanmedian(power) / power)[:, None]
+    return ratios
 
 
-def per_row(stands: list[Floats], share: Floats) -> Floats:
-    """The variance (d,) of one row of stands (n, d) each, from the scatter of the means of parts of
-    all stands; NaN without any.
+def row_variance(dwells: list[Floats], ratios: Floats) -> Floats:
+    """The variance (d,) of a single row, from the scatter of the means of parts of m dwells.
 
-    share: (m, d) of the noise. For white noise it is the row's variance; for noise that lasts
-    longer than a part, much more.
+    For white noise this is the variance of the rows; for noise that is correlated over more than a
+    part of a dwell, it is much larger. NaN without dwells.
+
+    dwells: the rows (n, d) of each.  ratios: (m, d) as from `noise_ratios`.
     """
     variances = []
-    for rows, over in zip(stands, share, strict=True):
+    for rows, ratio in zip(dwells, ratios, strict=True):
         length = len(rows) // PARTS
         means = rows[: PARTS * length].reshape(PARTS, length, -1).mean(axis=1)
-        variances.append(length * means.var(axis=0, ddof=1) / over**2)
+        variances.append(length * means.var(axis=0, ddof=1) / ratio**2)
     if not variances:
-        return np.full(share.shape[1], np.nan)
+        return np.full(ratios.shape[1], np.nan)
     return median(np.array(variances)) / MEDIAN_OF_VARIANCE
 
 
 def median(values: Floats) -> Floats:
-    """Medians (m,) of columns (n, m) without missing values; 0 for an empty column."""
+    """Medians (m,) of columns (n, m) without missing values; 0 for a column without values."""
     there = np.isfinite(values).any(axis=0)
     medians = np.zeros(values.shape[1])
     medians[there] = np.nanmedian(values[:, there], axis=0)

@@ -1,4 +1,4 @@
-"""The one way from samples to poses, for tables, runs, replays and simulations."""
+"""From samples to poses, in the same way for tables, runs, replays and simulations."""
 
 from __future__ import annotations
 
@@ -32,36 +32,36 @@ from .solver import solve_question
 from .tally import Tally
 from .zero import PoseColumns, ZeroPose, ZeroRequest, ZeroSearch, zero_findings, zero_text
 
-#: The statuses of an estimate that another start may avoid.
+#: Statuses of estimates that may converge from another start.
 LOST = (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED)
 
 
 @check_arguments
 class Measurement:
-    """Solves samples as a configuration says, counts them, and keeps the zero of displacements.
+    """Solves samples by a configuration, counts them, and holds the zero of displacements.
 
     Parameters
     ----------
     config : Config
-        The sensor, what is known of its beam (`solve`), and the measured object.
+        The sensor, the knowledge of its beam (`solve`), and the measured object.
     columns : PoseColumns, optional
         Further columns of poses: displacements from a zero, covariances, expanded uncertainties.
     waits : bool
-        Whether the zero waits for the first pose that fits its readings, as in a run.
+        Whether the zero begins with the first pose that fits its readings, as in a run.
     tally : Tally, optional
-        The count of samples to which those are added; a new one by default.
+        The count of samples to which the new ones are added; a new count by default.
 
     Attributes
     ----------
     tally : Tally
-        What became of the samples so far.
+        Counts of the samples so far, by their results.
     news : list of str
-        What happened to the zero since `take_news`.
+        Events of the zero since the last `take_news`.
 
     Raises
     ------
     InputError
-        Where the table of a zero cannot be read, or its poses are of no use.
+        If the table of a zero cannot be read, or its poses are unusable.
 
     Examples
     --------
@@ -90,7 +90,7 @@ class Measurement:
         self.search = ZeroSearch(zero, config, waits) if zero else None
         self.news: list[str] = []
         if self.zero is not None:
-            self.tell_zero()
+            self.announce_zero()
 
     @property
     def zero(self) -> ZeroPose | None:
@@ -99,20 +99,23 @@ class Measurement:
 
     @property
     def is_measuring(self) -> bool:
-        """Whether a zero is requested and not known yet."""
+        """Whether a zero was requested and is not known yet."""
         return self.search is not None and self.search.zero is None
 
     def poses(self, samples: Samples) -> Poses:
         """Solve samples, count them, and add them to the zero.
 
-        Displacements are NaN until the zero is known. Raises `InputError` where the samples of the
-        zero are of no use, unless the zero waits: then it begins anew, which `news` says.
+        Displacements are NaN until the zero is known. Raises `InputError` if the samples of the
+        zero are unusable. With `waits` the zero is measured again instead, and `news` says so.
         """
         return self.finish(samples, *self.begin(samples))
 
     def poses_of_pieces(self, samples: Samples) -> Poses | None:
-        """The poses of samples that came in pieces, as `poses` solves and counts one piece after
-        the other; None, and nothing is counted, where that takes a look at each of them."""
+        """Solve and count samples that came in pieces, with the same result as `poses` of one piece
+        after the other.
+
+        Returns None, and counts nothing, if the result could depend on the pieces.
+        """
         if self.is_measuring or self.config.solve.start == "previous":
             return None
         estimate = self.estimate(samples)
@@ -124,9 +127,8 @@ class Measurement:
     def poses_of_all(self, parts: Iterable[Samples], what: str) -> Iterator[Poses]:
         """Solve the parts of a whole table, in their order; all poses have displacements.
 
-        Parts are held in memory until the zero is known. Raises `InputError` where the table does
-        not have the samples of the zero, or where these are of no use.  what: the table, for
-        messages.
+        Parts are held in memory until the zero is known. Raises `InputError` if the table lacks the
+        samples of the zero, or they are unusable.  what: the table's name in messages.
         """
         held, rows = [], 0
         for samples in parts:
@@ -156,16 +158,16 @@ class Measurement:
                     raise
                 self.news.append(f"is measured again: {error}")
             if self.zero is not None:
-                self.tell_zero()
+                self.announce_zero()
         return solution, members
 
     def finish(self, samples: Samples, solution: Solution, members: Booleans) -> Poses:
-        """The poses of solved samples.  members: (n,) whether each belongs to the zero."""
+        """Complete the poses of solved samples.  members: (n,) whether each belongs to the zero."""
         columns = self.object_columns(solution, members, samples.temperature)
         return Poses(solution, members, columns)
 
     def skip(self, samples: Samples) -> Poses:
-        """The poses of samples that are skipped, which are counted and not solved."""
+        """Count samples without solving them; their poses have the status SKIPPED."""
         has_parts = self.config.sensor.calibration is not None
         count = len(samples.readings)
         solution = empty_solution(count, Status.SKIPPED, has_parts)
@@ -203,7 +205,7 @@ class Measurement:
         return SampleEstimate(solution, knowledge, exact)
 
     def knowledge(self, samples: Samples) -> Knowledge:
-        """What is known of the beam at the samples' times and temperatures."""
+        """The knowledge of the beam at the samples' times and temperatures."""
         if self.at_rest.beam == "free":
             return self.at_rest
         if isinf(samples.place_sigma or 0.0):
@@ -251,8 +253,8 @@ class Measurement:
             columns |= pose.columns(prefix, covariance, coverage)
         return columns
 
-    def tell_zero(self) -> None:
-        """Add the zero that is now known to the news."""
+    def announce_zero(self) -> None:
+        """Add the zero, which is now known, to the news."""
         self.news += [self.zero_text, *self.findings]
 
     @property
@@ -262,12 +264,12 @@ class Measurement:
 
     @property
     def zero_text(self) -> str:
-        """The zero in words, for the provenance of a table; empty where there is none."""
+        """The zero in words, for the provenance of a table; empty without a zero."""
         return zero_text(self.request, self.zero) if self.request and self.zero else ""
 
     @property
     def findings(self) -> list[str]:
-        """The sentences on a zero that its user should know."""
+        """Sentences on faults of the zero."""
         return zero_findings(self.zero) if self.zero else []
 
     def take_news(self) -> list[str]:
@@ -276,7 +278,7 @@ class Measurement:
         return news
 
     def messages(self) -> list[str]:
-        """The sentences on the zero for a person who watches a run."""
+        """Sentences on the zero for a person who watches a run."""
         if not self.is_measuring:
             return self.findings
         if self.search and self.search.is_begun:
@@ -297,7 +299,7 @@ class Measurement:
         }  # fmt: skip
 
     def zero_sentences(self) -> list[str]:
-        """The sentences on the zero at the end."""
+        """Sentences on the zero at the end."""
         if self.request is None:
             return []
         if self.zero is None:
@@ -308,12 +310,12 @@ class Measurement:
         return [f"zero: {self.zero_text}", *self.findings]
 
     def sentences(self) -> list[str]:
-        """The sentences on the zero and the samples at the end."""
+        """Sentences on the zero and the samples at the end."""
         return [*self.zero_sentences(), *self.tally.sentences(self.config)]
 
 
 def unknown_displacements(solution: Solution) -> ObjectPose:
-    """Displacements that are not known, with the parts that the solution's covariance has."""
+    """Displacements that are NaN, with the same parts of the covariance as the solution."""
     unknown = np.full((len(solution.status), 6, 6), np.nan)
     part = None if solution.calibration_covariance is None else unknown
     freedom = solution.calibration_degrees_of_freedom
@@ -321,9 +323,9 @@ def unknown_displacements(solution: Solution) -> ObjectPose:
 
 
 def retry(solution: Solution, solve: Any, ends: Any) -> None:
-    """Solve the samples without a pose again, each from the nearest one of its piece that has one.
+    """Solve lost samples again, each from the pose of the nearest sample of its piece.
 
-    ends: of the pieces.
+    The results replace those in `solution`.  solve: solves rows from starts.  ends: of the pieces.
     """
     is_lost, has_pose = np.isin(solution.status, LOST), solution.converged
     pairs, first = [np.empty((2, 0), np.intp)], 0
@@ -335,11 +337,11 @@ def retry(solution: Solution, solve: Any, ends: Any) -> None:
     lost, good = np.concatenate(pairs, axis=1)
     if not len(lost):
         return
-    again = solve(lost, solution.state[good])
+    repeated = solve(lost, solution.state[good])
     for item in fields(Solution):
         array = getattr(solution, item.name)
-        if array is not None:  # covariances may be left out
-            array[lost] = getattr(again, item.name)
+        if array is not None:  # there may be no covariances
+            array[lost] = getattr(repeated, item.name)
 
 
 def nearest(places: NDArray[np.intp], among: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -17,7 +17,7 @@ from ..core.units import Booleans, Floats
 from ..files.columns import pack_covariances
 from ..files.frame_table import make_frame
 from ..model.arrays import as_rows
-from .differences import common_shares, covariance_of_sum
+from .differences import common_fractions, covariance_of_sum
 from .solution import (
     Solution,
     UncertainResult,
@@ -40,12 +40,12 @@ class ObjectPose(UncertainResult):
     Attributes
     ----------
     pose
-        (..., 6) x, y, z, roll, pitch, yaw; mm, rad; NaN where the mirror's pose is not known. An
+        (..., 6) x, y, z, roll, pitch, yaw; mm, rad; NaN if the mirror's pose is unknown. An
         absolute pose is in the world frame, a displacement in the object's axes at the zero.
     status
-        (...) of `facets.Status`, as in the solution; None where bare states were transformed.
+        (...) of `facets.Status`, as in the solution; None if plain states were transformed.
     covariance
-        (..., 6, 6) of the pose, or None where the solution has none.
+        (..., 6, 6) of the pose, or None if the solution has none.
     noise_covariance, calibration_covariance
         (..., 6, 6) its parts, as in `facets.Solution`.
     is_displacement
@@ -53,7 +53,7 @@ class ObjectPose(UncertainResult):
     calibration_degrees_of_freedom
         (...) as in `facets.Solution`.
     index
-        The index of the data frame from which the poses came; None where they were none.
+        The index of the data frame from which the poses came; None for other input.
     """
 
     pose: Floats
@@ -68,8 +68,11 @@ class ObjectPose(UncertainResult):
     def columns(
         self, prefix: str, covariance: bool = False, coverage: float | None = None
     ) -> dict[str, Floats]:
-        """The poses as columns with their standard uncertainties, and on request their covariances
-        and expanded uncertainties.  prefix: of the names, such as object_."""
+        """The poses as columns with their standard uncertainties.
+
+        prefix: of the names, such as object_.  covariance: whether to add the covariances.
+        coverage: probability of the expanded uncertainties that are added, if any.
+        """
         columns: dict[str, Floats] = state_columns(self.pose, prefix)
         if self.covariance is None:
             return columns
@@ -106,27 +109,27 @@ def transform(
     ----------
     solution
         A solution, or states (..., 8) or poses (..., 6) of the mirror; mm and rad, world frame. A
-        data frame with the columns of a covariance (`--covariance`) has that as well.
+        data frame may contain the columns of a covariance (`--covariance`).
     object
         The point of interest and the object's axes, such as `Config.object`; None: the apex and
         the mirror's own axes.
     zero
         The reference pose of the mirror for displacements: a `ZeroPose` from `facets.zero_pose`,
-        or a state (8,) or pose (6,) that is known exactly. None: absolute poses.
+        or an exact state (8,) or pose (6,). None: absolute poses.
     members
-        (...) whether each pose is one of the samples of the zero, whose noise both have in common;
-        by default none is.
+        (...) whether each pose is one of the samples of the zero, so that both have the same noise;
+        none by default.
     temperature
-        (...) degrees Celsius, for a zero and a sensor that follows it (`Sensor.thermal`).
+        (...) degrees Celsius, for a zero and a sensor with `Sensor.thermal`.
 
     Returns
     -------
     ObjectPose
-        Poses (..., 6) with covariances (..., 6, 6) where the solution has a covariance, or a data
-        frame and the zero is no `ZeroPose`; `to_frame()` makes them a data frame. NaN where
-        the mirror's pose is NaN. Within 0.6 degrees of a pitch of 90 degrees roll and yaw are not
-        unique: they and the uncertainties of all angles are NaN. Roll and yaw of an absolute pose
-        lie within half a turn of the object's orientation.
+        Poses (..., 6), with covariances (..., 6, 6) if the solution has them. A data frame's
+        covariances are used unless the zero is a `ZeroPose`. `to_frame()` converts the poses to a
+        data frame. NaN where the mirror's pose is NaN. Within 0.6 degrees of a pitch of 90 degrees
+        roll and yaw are not unique: they and the uncertainties of all angles are NaN. Roll and yaw
+        of an absolute pose lie within half a turn of the object's orientation.
 
     Raises
     ------
@@ -135,12 +138,12 @@ def transform(
 
     Notes
     -----
-    With the mirror at t, R, the point p and the orientation Q, the absolute pose is t + R p, R Q,
-    and the displacement is the rigid-body motion X0^-1 X from the object's pose X0 at the zero, not
-    a difference of components. The covariance is A S A' with A the exact derivatives of the motion
-    and S the covariance of the mirror's pose, correlations included: a point 50 mm from the apex
-    also moves by 50 um for each mrad. The covariance of a displacement counts what the two poses
-    have in common once: the calibration's errors, and the noise of the `members`.
+    With the mirror at t, R, the point p and the orientation Q, the absolute pose is t + R p, R Q.
+    The displacement is the rigid-body motion X0^-1 X from the object's pose X0 at the zero, not a
+    difference of components. The covariance is A S A', with A the exact derivatives of the motion
+    and S the covariance of the mirror's pose. It includes correlations: a point 50 mm from the apex
+    moves by 50 um for each mrad. The covariance of a displacement counts the errors that the two
+    poses have in common once: those of the calibration, and the noise of the `members`.
 
     Examples
     --------
@@ -161,7 +164,7 @@ def transform(
         if start.shape not in ((6,), (8,)):
             raise InputError(f"zero has shape {start.shape}; needed: (6,) or (8,), one pose")
         pose, slopes, slopes_zero = object_displacements(rows[:, :6], start[:6], body)
-    if isinstance(zero, ZeroPose) and parts.whole is not None:
+    if isinstance(zero, ZeroPose) and parts.total is not None:
         is_member = as_row(members, len(rows), "members", 0.0) > 0
         warmer = as_row(temperature, len(rows), "temperature", np.nan)
         require_plausible(warmer, TEMPERATURE_COLUMN, "temperature")
@@ -172,24 +175,24 @@ def transform(
         parts = CovarianceParts(
             *(None if p is None else carry(slopes, p[POSE_BLOCK]) for p in parts)
         )
-    whole, noise, calibration = (None if p is None else p.reshape(*shape, 6, 6) for p in parts)
-    known = getattr(solution, "calibration_degrees_of_freedom", None)
+    total, noise, calibration = (None if p is None else p.reshape(*shape, 6, 6) for p in parts)
+    freedom = getattr(solution, "calibration_degrees_of_freedom", None)
     return ObjectPose(
-        pose.reshape(*shape, 6), status, whole, noise, calibration, zero is not None, known,
+        pose.reshape(*shape, 6), status, total, noise, calibration, zero is not None, freedom,
         solution.index if isinstance(solution, Solution) else index_of(solution),
     )  # fmt: skip
 
 
 class CovarianceParts(NamedTuple):
-    """Covariances (n, m, m), and their parts by noise and calibration; None where there is none."""
+    """Covariances (n, m, m), and their parts due to noise and calibration; None if unknown."""
 
-    whole: Floats | None
+    total: Floats | None
     noise: Floats | None
     calibration: Floats | None
 
 
 class MeasuredPoses(NamedTuple):
-    """States (n, 8), the detectors (n, 3) that took part, and covariances (n, 8, 8)."""
+    """States (n, 8), whether each detector took part (n, 3), and covariances (n, 8, 8)."""
 
     states: Floats
     used: Booleans
@@ -210,12 +213,12 @@ def displacement_covariance(
     """The covariances (n, 6, 6) of displacements from a zero.
 
     slopes: (n, 6, 6) derivatives of the displacements by the mirror's pose and by the zero.
-    members: (n,) whether a pose is a sample of the zero, which then has its errors.
-    warmer: (n,) than the reference temperature of the calibration, K.
+    members: (n,) whether a pose is a sample of the zero, so that the zero contains its errors.
+    warmer: (n,) temperature above the calibration's reference, K.
     """
-    known, (whole, noise, calibration) = zero.sensor.calibration, poses.covariances
-    assert whole is not None
-    if (known is None) != (calibration is None):
+    of_zero, (total, noise, calibration) = zero.sensor.calibration, poses.covariances
+    assert total is not None
+    if (of_zero is None) != (calibration is None):
         raise InputError(
             "the solution and the zero come from different sensors: only one has a calibration "
             "covariance; compute the zero with the sensor of the solution"
@@ -226,32 +229,33 @@ def displacement_covariance(
     priors = zero.propagation.statistical[0, :6, :6] - each
 
     def combine(covariance: Floats, prior: Floats) -> Floats:
-        """Carry the noise of poses and zero, and what both know beforehand.
+        """Propagate the noise and the priors of poses and zero.
 
-        A sample of the zero is a share of its mean, and has the zero's errors of the priors.
+        A sample of the zero is a part of the zero's mean and has the same errors of the priors.
         """
-        apart = carry(by_pose, covariance[POSE_BLOCK]) + carry(by_zero, each / count + prior)
+        outside = carry(by_pose, covariance[POSE_BLOCK]) + carry(by_zero, each / count + prior)
         rest = carry(by_zero, each * (count - 1) / count**2)
         within = carry(by_pose + by_zero / count, each) + rest + carry(by_pose + by_zero, prior)
-        return np.where(members[:, None, None], within, apart)
+        return np.where(members[:, None, None], within, outside)
 
-    if known is None or noise is None or calibration is None:
-        return CovarianceParts(combine(whole, priors), None, None)
-    by_calibration = np.empty((len(whole), 6, 6))
-    for part in slices_of(len(whole)):
+    if of_zero is None or noise is None or calibration is None:
+        return CovarianceParts(combine(total, priors), None, None)
+    by_calibration = np.empty((len(total), 6, 6))
+    for part in slices_of(len(total)):
         states, plan = poses.states[part], zero.plan
-        other = propagate(zero.sensor, known, states, poses.used[part], plan, warmer[part])
+        other = propagate(zero.sensor, of_zero, states, poses.used[part], plan, warmer[part])
         ends = [
             by[part] @ end.slopes[:, :6]
             for by, end in zip(slopes, (other, zero.propagation), strict=True)
             if end.slopes is not None
         ]
-        shares = common_shares(known, (zero.propagation, other), (zero.state[None], states))
-        shares[members[part]] = 1.0
-        shares *= zero.same_calibration
-        by_calibration[part] = covariance_of_sum(known, (ends[1], ends[0]), shares)
+        both = (zero.propagation, other), (zero.state[None], states)
+        fractions = common_fractions(of_zero, *both)
+        fractions[members[part]] = 1.0
+        fractions *= zero.same_calibration
+        by_calibration[part] = covariance_of_sum(of_zero, (ends[1], ends[0]), fractions)
     return CovarianceParts(
-        combine(whole - calibration, priors) + by_calibration,
+        combine(total - calibration, priors) + by_calibration,
         combine(noise, np.zeros_like(priors)),
         by_calibration,
     )
@@ -261,18 +265,18 @@ def unpack(
     solution: Solution | ArrayLike, is_framed: bool = False
 ) -> tuple[Floats, Any, Any, CovarianceParts]:
     """States (..., 8 or 6), the used detectors (..., 3), statuses and covariances (n, 8, 8) of a
-    solution or of bare states.  is_framed: whether to take the covariances of a data frame."""
+    solution or of plain states.  is_framed: whether to read the covariances of a data frame."""
     if not isinstance(solution, Solution):
-        whole = framed_covariance(solution) if is_framed else None
+        total = framed_covariance(solution) if is_framed else None
         states = as_floats(solution, "solution", 6)
-        return states, None, None, CovarianceParts(whole, None, None)
+        return states, None, None, CovarianceParts(total, None, None)
     covariances = solution.covariance, solution.noise_covariance, solution.calibration_covariance
     parts = (None if part is None else part.reshape(-1, 8, 8) for part in covariances)
     return solution.state, solution.used, solution.status, CovarianceParts(*parts)
 
 
 def framed_covariance(values: Any) -> Floats | None:
-    """The covariances (n, 6, 6) in the columns of a data frame; mm and rad. None without them."""
+    """The covariances (n, 6, 6) in the columns of a data frame, mm and rad; None without them."""
     entries = covariance_entries()
     if index_of(values) is None or not entries.keys() <= set(values.columns):
         return None
@@ -282,7 +286,7 @@ def framed_covariance(values: Any) -> Floats | None:
 
 
 def as_row(values: ArrayLike | None, count: int, what: str, default: float) -> Floats:
-    """An argument with one number for each pose as (n,); `default` where it was left out."""
+    """Convert an argument with one number for each pose to (n,); `default` without argument."""
     if values is None:
         return np.full(count, default)
     row = as_floats(np.asarray(values, dtype=float), what).reshape(-1)

@@ -1,8 +1,8 @@
 """The plan of an estimate, made once for a sensor: unknowns, priors, starts, limits of residuals.
 
-The numbers of a reading and the priors in excess of the unknowns check the pose. The squared
-residual of a right model follows the chi-square distribution with so many degrees of freedom; noise
-alone leaves more than the limit with a chance of `FALSE_ALARM_RATE`.
+The degrees of freedom are the numbers of a reading and of the priors in excess of the unknowns. If
+the model is right, the squared residual follows the chi-square distribution with these degrees of
+freedom, and noise exceeds the limit with the probability `FALSE_ALARM_RATE`.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.arguments import as_floats
 from ..core.errors import InputError
 from ..core.knowledge import Knowledge, Prior, Question
-from ..core.sensor import Psd, Sensor
+from ..core.sensor import Calibration, Psd, Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import MISFIT, MODEL_ERROR
 from ..detectors.noise import least_light, other_light, power_floor, standard_deviations
 from ..model.arrays import as_vectors, readings, spot_size
 from . import problem
 
-#: The chance that the residual of a right pose is beyond its limit.
+#: The probability that the residual of a right pose exceeds its limit.
 FALSE_ALARM_RATE = 1e-4
-#: The residuals, in standard deviations, that noise exceeds at FALSE_ALARM_RATE with 0 to 9
-#: degrees of freedom. Numbers, because the library that has the distribution loads slowly.
+#: The residuals, in standard deviations, that noise exceeds with FALSE_ALARM_RATE, for 0 to 9
+#: degrees of freedom. They are written out because importing the chi-square distribution is slow.
 LIMITS = np.array([
     np.inf, 3.8905918864130937, 4.291932052578694, 4.594291399787372, 4.848993962152442,
     5.073936534787943, 5.277910688521919, 5.466031824754125, 5.641598000678736, 5.806888016740519,
@@ -34,16 +34,17 @@ LIMITS = np.array([
 
 
 def count_checks(detectors: int, free: NDArray[np.int64], weights: Floats) -> int:
-    """The number of readings of the detectors and priors in excess of the unknowns.
+    """The number of readings and priors in excess of the unknowns.
 
-    free: numbers of the unknowns.  weights: (3,) of the priors of bx, by and the power.
+    detectors: number of detectors used.  free: numbers of the unknowns.  weights: (3,) of the
+    priors of bx, by and the power.
     """
     priors = sum(bool(weights[c - 6] > 0) for c in free.tolist() if c >= 6)
     return 3 * detectors + priors - len(free)
 
 
 class Chance(NamedTuple):
-    """The limits of residuals for one request.
+    """The limits of the residuals for one plan.
 
     none: `count_checks` without a detector.  widening: see `widening_of`.
     """
@@ -52,41 +53,43 @@ class Chance(NamedTuple):
     widening: float
 
     def checks(self, used: NDArray[np.bool_]) -> NDArray[np.int8]:
-        """The number of redundant readings of each pose (...), from the detectors used (..., 3)."""
-        if used.all():  # counting takes longer than a step of the estimate
+        """The degrees of freedom of each pose (...), from the detectors used (..., 3)."""
+        if used.all():  # a shortcut: counting takes longer than a step of the estimate
             return np.full(used.shape[:-1], max(9 + self.none, 0), np.int8)
         count = np.maximum(3 * np.count_nonzero(used, axis=-1) + self.none, 0)
         return np.asarray(count, np.int8)
 
     def limits(self, checks: NDArray[np.int8]) -> Floats:
-        """The residuals (...) that noise alone hardly exceeds; infinite without redundancy."""
+        """The limits of the residuals (...) of poses with `checks`; infinite for none."""
         return np.asarray(self.widening * LIMITS.take(checks))
 
     @property
     def limit(self) -> float:
-        """The limit of a pose from all three detectors."""
+        """The limit of the residual of a pose from all three detectors."""
         return float(self.widening * LIMITS[max(9 + self.none, 0)])
 
 
 def widening_of(sensor: Sensor) -> float:
-    """The factor by which a calibrated sensor's residuals exceed the noise."""
-    known = sensor.calibration
-    if known is None or not any(name in (*MISFIT, *MODEL_ERROR) for name in known.names):
+    """The factor by which model errors raise a calibrated sensor's residuals above the noise;
+    cached per sensor."""
+    calibration = sensor.calibration
+    errors = (*MISFIT, *MODEL_ERROR)
+    if calibration is None or not any(name in errors for name in calibration.names):
         return 1.0
-    kept: float | None = sensor.__dict__.get("_widening")
-    if kept is None:
-        kept = sensor.__dict__["_widening"] = measure_widening(sensor)
-    return kept
+    widening: float | None = sensor.__dict__.get("_widening")
+    if widening is None:
+        widening = sensor.__dict__["_widening"] = measure_widening(sensor, calibration)
+    return widening
 
 
-#: A state at rest, in a batch of one: all batches have the same code, single states another.
+#: The state at rest as a batch of one: single states have code of their own, with other rounding.
 REST = np.zeros((1, 8))
 
 
-def measure_widening(sensor: Sensor) -> float:
-    assert sensor.calibration is not None
-    (noise,), known = standard_deviations(sensor, readings(sensor, REST)), sensor.calibration
-    missed = {name: known.covariance[n][n] for n, name in enumerate(known.names)}
+def measure_widening(sensor: Sensor, calibration: Calibration) -> float:
+    """Compute `widening_of` at rest: the largest of the nine readings' factors."""
+    (noise,) = standard_deviations(sensor, readings(sensor, REST))
+    missed = {name: calibration.covariance[n][n] for n, name in enumerate(calibration.names)}
     over = [
         sum(missed.get(name, 0.0) for name in names) / s**2
         for *names, s in zip(MISFIT, MODEL_ERROR, noise, strict=True)
@@ -95,12 +98,12 @@ def measure_widening(sensor: Sensor) -> float:
 
 
 class Plan(NamedTuple):
-    """The unknowns and priors of an estimate, in the form of `problem.FitProblem` and
-    `ScreeningLimits`.
+    """The unknowns and the priors of an estimate.
 
-    means: (1 or n, 3) of bx, by and the power.  weights: (3,).  free: numbers of the unknowns.
-    least_redundancy: below which nothing checks a pose; below 0 where a prior is mostly the laser's
-    own jitter, which differs from sample to sample and so checks a pose as the noise of a reading.
+    means: (1 or n, 3) prior means of bx, by and the power.  weights: (3,) 1/sigma of the priors.
+    free: numbers of the unknowns.  limits: limits for screening readings.  least_redundancy: poses
+    with less redundancy are unchecked. It is negative where a prior is mostly the laser's jitter:
+    jitter differs from sample to sample and so checks a pose as the noise of a reading does.
     """
 
     means: Floats
@@ -124,10 +127,10 @@ def prior_means(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
 
 def find_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
     """The screening limits of a sensor's readings, cached because a live loop needs them often."""
-    kept: dict[bool, problem.ScreeningLimits] = sensor.__dict__.setdefault("_limits", {})
-    if eight not in kept:
-        kept[eight] = make_limits(sensor, eight)
-    return kept[eight]
+    limits: dict[bool, problem.ScreeningLimits] = sensor.__dict__.setdefault("_limits", {})
+    if eight not in limits:
+        limits[eight] = make_limits(sensor, eight)
+    return limits[eight]
 
 
 def make_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
@@ -162,7 +165,10 @@ def edge_cut_width(sensor: Sensor) -> float:
 def make_plan(
     sensor: Sensor, knowledge: Knowledge, method: str = "least-squares", shape: tuple[int, ...] = ()
 ) -> Plan:
-    """shape: of the readings, for priors with a mean for each of them."""
+    """Make the plan of an estimate.
+
+    shape: leading shape of the readings, for priors with a mean for each of them.
+    """
     paper = method == "paper"
     if paper and knowledge != Knowledge():
         raise InputError('method="paper" has the beam "free" and the power "known"')
@@ -172,40 +178,42 @@ def make_plan(
         sigmas[:2], sigmas[2] = as_floats(place.sigma, "sigma"), as_floats(light.sigma, "sigma")
     except ValueError:
         raise InputError(
-            "a prior has too many sigmas; allowed: one number, or two for the beam's place"
+            "a prior has too many sigmas; allowed: one number, or two for the beam's position"
         ) from None
     free = np.concatenate([np.arange(6), 6 + np.flatnonzero(sigmas > 0)])
     with np.errstate(divide="ignore"):
         weights = np.where(sigmas > 0, 1 / sigmas, 0.0)
-    least = -1.0 if (jitter_share(sensor, weights**2) > 0.5).any() else problem.MIN_REDUNDANCY
-    return Plan(prior_means(place, light, shape), weights, free, find_limits(sensor, paper), least)
+    is_jitter = (jitter_fraction(sensor, weights**2) > 0.5).any()
+    required = -1.0 if is_jitter else problem.MIN_REDUNDANCY
+    means = prior_means(place, light, shape)
+    return Plan(means, weights, free, find_limits(sensor, paper), required)
 
 
-def jitter_share(sensor: Sensor, before: Floats) -> Floats:
-    """The share (3,) of the priors' variances that the laser's pointing jitter and power noise are.
+def jitter_fraction(sensor: Sensor, information: Floats) -> Floats:
+    """The fractions (3,) of the priors' variances due to pointing jitter and power noise.
 
-    before: (3,) one over these variances of bx, by and the power, 0 where there is no prior. These
-    errors of a prior differ from sample to sample; the rest of it is the same in all.
+    information: (3,) 1/variance of the priors of bx, by and the power, 0 without a prior. Jitter
+    differs from sample to sample; the remaining error of a prior is the same in all samples.
     """
     variances = np.zeros(3)
     if sensor.electronics is not None:
         variances[:2] = sensor.electronics.pointing**2
         variances[2] = (sensor.electronics.power_noise * sensor.beam.power) ** 2
-    return np.minimum(variances * before, 1.0)
+    return np.minimum(variances * information, 1.0)
 
 
-def chance_of(sensor: Sensor, todo: Plan) -> Chance:
-    """The limits of residuals for the poses of a plan."""
-    none = count_checks(0, todo.free, todo.weights) - todo.limits.eight
+def chance_of(sensor: Sensor, plan: Plan) -> Chance:
+    """The limits of the residuals for the poses of a plan."""
+    none = count_checks(0, plan.free, plan.weights) - plan.limits.eight
     return Chance(none, widening_of(sensor))
 
 
-#: The most plans that are kept with a sensor.
+#: Largest number of plans that are cached with a sensor.
 MAX_PLANS = 16
 
 
 def find_plan(sensor: Sensor, knowledge: Knowledge, method: str, shape: tuple[int, ...]) -> Plan:
-    """`make_plan` with a cache, for live loops."""
+    """Return `make_plan`, from a cache where the priors are plain numbers, for live loops."""
     if not (is_plain(knowledge.beam, 2) and is_plain(knowledge.power, 1)):
         return make_plan(sensor, knowledge, method, shape)
     plans: dict[tuple[Knowledge, str], Plan] = sensor.__dict__.setdefault("_plans", {})
@@ -217,24 +225,26 @@ def find_plan(sensor: Sensor, knowledge: Knowledge, method: str, shape: tuple[in
     return plan
 
 
-def is_plain(known: object, count: int) -> bool:
+def is_plain(knowledge: object, count: int) -> bool:
     """Whether knowledge is a word, or a prior of plain numbers with `count` means in a tuple."""
-    if not isinstance(known, Prior):
+    if not isinstance(knowledge, Prior):
         return True
-    means = known.mean if isinstance(known.mean, tuple) and count > 1 else (known.mean,)
-    plain = all(isinstance(number, float) for number in (*means, known.sigma))
+    mean = knowledge.mean
+    means = mean if isinstance(mean, tuple) and count > 1 else (mean,)
+    plain = all(isinstance(number, float) for number in (*means, knowledge.sigma))
     return plain and len(means) == count
 
 
 def start_states(
-    sensor: Sensor, start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[int, ...]
+    sensor: Sensor, start: str | ArrayLike, plan: Plan, values: Floats, shape: tuple[int, ...]
 ) -> Floats:
-    """The starts of the estimates: (1 or n, 9), with the prior means.
+    """The states (1 or n, 9) from which the estimates start, with the power.
 
-    An unknown power starts from the measured light. A given state at which diffraction leaves the
-    model without a reading, so that no step leads away from it, is replaced by zero.
+    start, values, shape: argument `start` of `facets.solve`, the readings (n, 9) and their leading
+    shape.  An unknown power starts from the measured light. A state at which diffraction leaves the
+    model without a reading is replaced by zero, because no step would lead away from it.
     """
-    unknown_power = todo.weights[2] == 0 and todo.free[-1] == 8
+    unknown_power = plan.weights[2] == 0 and plan.free[-1] == 8
     if not isinstance(start, str):
         states = as_vectors(start, 8, "start")
         if states.shape != (*shape, 8):
@@ -245,35 +255,36 @@ def start_states(
         starts = np.empty((len(values), 9))
         starts[:, :8] = states.reshape(-1, 8)
         if sensor.light.wavelength > 0:
-            here = starts[:, :8]
-            blind = np.isfinite(here).all(axis=1) & np.isnan(readings(sensor, here)).any(axis=1)
-            starts[blind, :8] = 0.0
-            starts[blind, :2] = todo.means[blind if len(todo.means) > 1 else 0, :2]
-        starts[:, 8] = todo.means[:, 2]
-        if len(todo.free) < 8 or todo.free[7] != 7 or todo.free[6] != 6:
-            starts[:, 6:8] = todo.means[:, :2]
+            states = starts[:, :8]
+            has_nan = np.isnan(readings(sensor, states)).any(axis=1)
+            is_unlit = np.isfinite(states).all(axis=1) & has_nan
+            starts[is_unlit, :8] = 0.0
+            starts[is_unlit, :2] = plan.means[is_unlit if len(plan.means) > 1 else 0, :2]
+        starts[:, 8] = plan.means[:, 2]
+        if len(plan.free) < 8 or plan.free[7] != 7 or plan.free[6] != 6:
+            starts[:, 6:8] = plan.means[:, :2]
     elif start in ("zero", "previous"):
-        starts = np.zeros((len(values) if unknown_power else len(todo.means), 9))
-        starts[:, 6:] = todo.means
-        starts[:, :2] = todo.means[:, :2]  # there is light to read only near the beam
+        starts = np.zeros((len(values) if unknown_power else len(plan.means), 9))
+        starts[:, 6:] = plan.means
+        starts[:, :2] = plan.means[:, :2]  # the detectors have light only near the beam
     else:
         raise InputError(f'start is {start!r}; allowed: "zero", "previous" or states (..., 8)')
     if unknown_power:
-        with np.errstate(over="ignore", invalid="ignore"):  # a spoilt reading can be anything
-            seen = np.nansum(values[:, 2::3], axis=1)
-        starts[:, 8] = np.where(np.isfinite(seen) & (seen > 0), seen, starts[:, 8])
+        with np.errstate(over="ignore", invalid="ignore"):  # a corrupted reading can be any number
+            total = np.nansum(values[:, 2::3], axis=1)
+        starts[:, 8] = np.where(np.isfinite(total) & (total > 0), total, starts[:, 8])
     return starts
 
 
 def is_previous(start: object) -> bool:
-    """Whether each sample starts where the last converged one ended."""
+    """Whether each sample starts at the end of the last converged one."""
     return isinstance(start, str) and start == "previous"
 
 
 def make_problem(
     plan: Plan, starts: Floats, question: Question, previous: bool = False
 ) -> problem.FitProblem:
-    """A plan as compiled code takes it.
+    """Make the input of compiled code from a plan.
 
     starts: from `start_states`.  previous: see `is_previous`.
     """
@@ -296,5 +307,5 @@ def make_problem(
 
 
 def sigmas_of(sensor: Sensor, values: Floats) -> Floats:
-    """The readings' standard deviations as `problem.Readings` has them."""
+    """The standard deviations of readings (n, 9), in the form of `problem.Readings`."""
     return np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)

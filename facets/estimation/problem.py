@@ -35,9 +35,8 @@ ROUNDING = 4e-15
 MIN_REDUNDANCY = 1e-3
 UNKNOWNS = 9
 
-#: Places in the row of numbers that blocks write for each reading. The state and the power come
-#: first, then the status, the number of steps and the detectors used, then the residual, the
-#: number of checks and the limit, and at the end the covariance if there is one.
+#: Places in the row of numbers that blocks write for each reading. First come the state and the
+#: power, then the numbers named here; the covariance, if there is one, is at the end.
 STATUS, ITERATIONS, USED = 9, 10, 11
 RESIDUAL, CHECKS, LIMIT, COVARIANCE = range(14, 18)
 

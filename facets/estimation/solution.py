@@ -1,4 +1,4 @@
-"""Samples, the results of their estimates (states, statuses, covariances), and their columns."""
+"""Samples, the results of their estimates (states, statuses, covariances), and table columns."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
 
     from ..core.knowledge import Knowledge
 
-#: The bit of each detector in a column `used`; a detector board has the same bits.
+#: The bit of each detector in a column `used`; detector boards use the same bits.
 DETECTOR_BITS = np.array([1, 2, 4])
 
 
 class Status(IntEnum):
     """How the estimate of one reading ended. Only a converged one has a pose.
 
-    UNCHECKED: there are as many usable readings as unknowns, so that a wrong reading also gives a
-    pose and nothing shows the error; `solve(..., accept_unchecked=True)` gives it. AMBIGUOUS:
-    another pose gives the same reading. Of live samples only: SKIPPED: it was recorded and not
-    solved, since the run had fallen behind; a replay solves it. SATURATED: a converter was at its
-    end, so that the reading is not finite.
+    UNCHECKED: there are only as many usable readings as unknowns, so that a corrupted reading also
+    gives a pose and nothing shows the error; `solve(..., accept_unchecked=True)` returns it.
+    AMBIGUOUS: another pose has the same reading. Only live samples have the two others. SKIPPED:
+    the sample was recorded but not solved, because the run had fallen behind; a replay solves it.
+    SATURATED: a converter was at its end, so that the reading is not finite.
     """
 
     CONVERGED = problem.CONVERGED
@@ -59,7 +59,7 @@ class Status(IntEnum):
         return self.name.lower().replace("_", " ")
 
 
-#: The words of each status, by its number.
+#: The words for each status, by its number.
 LABELS = {status.value: status.label for status in Status}
 
 
@@ -77,7 +77,7 @@ class UncertainResult:
 
     @property
     def variance(self) -> Floats | None:
-        """The square of `uncertainty`; None without a covariance."""
+        """The squares of `uncertainty`; None without a covariance."""
         return None if self.covariance is None else diagonal(self.covariance)
 
     @property
@@ -89,18 +89,18 @@ class UncertainResult:
 
     @property
     def noise_uncertainty(self) -> Floats:
-        """The part of `uncertainty` by the noise of the readings; mm and rad.
+        """The part of `uncertainty` due to the noise of the readings; mm and rad.
 
-        A mean over n samples of one pose has 1 / sqrt(n) of it. Raises `InputError` where the
-        sensor has no calibration covariance.
+        A mean over n samples of one pose has this part divided by sqrt(n). Raises `InputError` if
+        the sensor has no calibration covariance.
         """
         return root_of_diagonal(self.require_part(self.noise_covariance))
 
     @property
     def calibration_uncertainty(self) -> Floats:
-        """The part of `uncertainty` by the calibration; mm and rad.
+        """The part of `uncertainty` due to the calibration; mm and rad.
 
-        A mean over samples keeps it. Raises `InputError` where the sensor has no calibration
+        A mean over samples has the same part. Raises `InputError` if the sensor has no calibration
         covariance.
         """
         return root_of_diagonal(self.require_part(self.calibration_covariance))
@@ -109,23 +109,24 @@ class UncertainResult:
     def degrees_of_freedom(self) -> Floats:
         """Effective degrees of freedom of `uncertainty`, by Welch and Satterthwaite.
 
-        Noise and priors count as known, with infinitely many. NaN where those of the calibration
-        are unknown, as in configurations that hold no `sensor.calibration.degrees_of_freedom`.
+        Noise and priors count as known, with infinitely many degrees of freedom. NaN if those of
+        the calibration are unknown: the configuration has no
+        `sensor.calibration.degrees_of_freedom`.
         """
         variance = self.uncertainty**2
         freedom: Floats = np.full(variance.shape, np.inf)
         if self.calibration_covariance is not None:
             part = diagonal(self.calibration_covariance)
-            known = np.asarray(self.calibration_degrees_of_freedom, float)[..., None]
-            freedom = effective_degrees_of_freedom(variance, part, known)
+            part_freedom = np.asarray(self.calibration_degrees_of_freedom, float)[..., None]
+            freedom = effective_degrees_of_freedom(variance, part, part_freedom)
         freedom[np.isnan(variance)] = np.nan
         return freedom
 
     def coverage_factor(self, probability: float = 0.95) -> Floats:
         """Coverage factor of each component's interval; NaN without a pose.
 
-        The quantile of Student's t distribution for `degrees_of_freedom`; of the normal
-        distribution where these are infinite or unknown.
+        It is the quantile of Student's t distribution for `degrees_of_freedom`, or of the normal
+        distribution if these are infinite or unknown.
         """
         factor = coverage_factor(probability, self.degrees_of_freedom)
         factor[np.isnan(self.uncertainty)] = np.nan
@@ -134,8 +135,8 @@ class UncertainResult:
     def expanded_uncertainty(self, probability: float = 0.95) -> Floats:
         """Expanded uncertainty of each component; mm and rad.
 
-        `coverage_factor` times `uncertainty`: the true value lies within it of the estimate with
-        this probability.
+        It is `coverage_factor` times `uncertainty`: with this probability, the true value differs
+        from the estimate by no more.
 
         Examples
         --------
@@ -152,10 +153,11 @@ class UncertainResult:
     def require_covariance(self, numbers: Floats | None) -> Floats:
         """Return the covariance, or `numbers` that follow from it."""
         if numbers is None:
-            raise InputError("no covariance: it was left out by solve(..., covariance=False)")
+            raise InputError("no covariance: solve was called with covariance=False")
         return numbers
 
     def require_part(self, covariance: Floats | None) -> Floats:
+        """Return a part of the covariance.  Raises `InputError` if there are no parts."""
         if covariance is None:
             raise InputError(
                 "the uncertainty has no parts: the sensor has no calibration covariance, or solve "
@@ -177,7 +179,7 @@ def root_of_diagonal(covariance: Floats) -> Floats:
 
 
 def worded_columns(columns: dict[str, Any]) -> dict[str, Any]:
-    """Columns with the status in words, and the letters of the detectors used."""
+    """Replace the numbers in the columns `status` and `used` by words and detectors' letters."""
     letters = np.array(DETECTORS)
     words = {
         "status": np.array([LABELS.get(number, "") for number in range(max(LABELS) + 1)]),
@@ -186,13 +188,13 @@ def worded_columns(columns: dict[str, Any]) -> dict[str, Any]:
     return columns | {name: words[name][columns[name]] for name in words if name in columns}
 
 
-#: The parts of an uncertainty that a table has beside the whole where a calibration is known.
+#: The parts of an uncertainty that a table has in addition, if the sensor has a calibration.
 UNCERTAINTY_PARTS = ("noise", "calibration")
 
 
 def uncertainty_columns(result: UncertainResult, prefix: str = "") -> dict[str, Floats]:
-    """Standard uncertainties of a solution, or of poses of an object, as columns: u_tx_mm, ...;
-    with a calibration also the parts of these, u_noise_tx_mm, ... and u_calibration_tx_mm, ...
+    """Standard uncertainties of a solution, or of poses of an object, as columns u_tx_mm, ...; with
+    a calibration also their parts, u_noise_tx_mm, ... and u_calibration_tx_mm, ...
 
     prefix: of the pose's names, such as object_.
     """
@@ -208,9 +210,11 @@ def uncertainty_columns(result: UncertainResult, prefix: str = "") -> dict[str, 
 def expanded_columns(
     result: UncertainResult, probability: float, prefix: str = ""
 ) -> dict[str, Floats]:
-    """Expanded uncertainties as columns, expanded_tx_mm, ..., with their coverage factors k_tx,
-    ...; with a calibration also the degrees of freedom, degrees_of_freedom_tx, ..., NaN where
-    unknown.  prefix: of the pose's names, such as object_."""
+    """Expanded uncertainties as columns expanded_tx_mm, ..., with their coverage factors k_tx, ...
+
+    With a calibration there are also the degrees of freedom, degrees_of_freedom_tx, ..., NaN if
+    unknown.  probability: of the coverage.  prefix: of the pose's names, such as object_.
+    """
     sizes = result.expanded_uncertainty(probability)
     names = STATE_COLUMNS[: sizes.shape[-1]]
     numbers = {"k": result.coverage_factor(probability)}
@@ -224,7 +228,7 @@ def expanded_columns(
 
 
 def covariance_columns(result: UncertainResult, prefix: str = "") -> dict[str, Floats]:
-    """The covariance of poses as 21 columns: cov_tx_tx_mm2, ..., cov_yaw_yaw_mrad2."""
+    """The covariances of poses as 21 columns: cov_tx_tx_mm2, ..., cov_yaw_yaw_mrad2."""
     covariance = result.require_covariance(result.covariance)
     return {
         name: covariance[..., i, j] / (STATE_UNITS[i] * STATE_UNITS[j])
@@ -233,7 +237,7 @@ def covariance_columns(result: UncertainResult, prefix: str = "") -> dict[str, F
 
 
 def frame_like(source: Any, sizes: Floats) -> Any:
-    """Standard uncertainties (..., 8) of states; as a data frame where these were one."""
+    """Return standard uncertainties (..., 8), as a data frame if their `source` is one."""
     index = index_of(source)
     if index is None:
         return sizes
@@ -252,37 +256,38 @@ class Solution(UncertainResult):
     status
         (...) of `Status`.
     power
-        (...) of the beam, mW.
+        (...) power of the beam, mW.
     used
-        (..., 3) the detectors that took part.
+        (..., 3) whether each detector took part.
     iterations
-        (...) steps of the estimate.
+        (...) number of steps of the estimate.
     residual
-        (...) root of the weighted sum of squares left, in sigmas.
+        (...) root of the remaining weighted sum of squares, in standard deviations.
     checks
-        (...) degrees of freedom of the residual: by how many numbers, those of the detectors used
-        and the priors, exceed the unknowns; 0 where nothing checks the pose.
+        (...) degrees of freedom of the residual: the number of readings and priors in excess of the
+        unknowns; 0 for an unchecked pose.
     limit
         (...) the residual that noise alone exceeds once in 10,000; infinite without checks.
     covariance
-        (..., 8, 8) of the state, or None where it was not requested; zero for what was known.
-        It holds the noise of the readings, the priors of beam and power, and the calibration.
+        (..., 8, 8) covariance of the state, or None if not requested; zero for known components.
+        It contains the noise of the readings, the priors of beam and power, and the calibration.
     noise_covariance
-        (..., 8, 8) the part of `covariance` by the noise of the readings; None where the sensor has
-        no calibration covariance (`Sensor.calibration`).
+        (..., 8, 8) the part of `covariance` due to the noise of the readings; None if the sensor
+        has no calibration covariance (`Sensor.calibration`).
     calibration_covariance
-        (..., 8, 8) the part of `covariance` by the calibration; None likewise.
+        (..., 8, 8) the part of `covariance` due to the calibration; None likewise.
     calibration_degrees_of_freedom
-        (...) of that part (`Calibration.degrees_of_freedom`), NaN where unknown; None likewise.
+        (...) of that part (`Calibration.degrees_of_freedom`), NaN if unknown; None likewise.
     index
-        The index of the readings' data frame; None where they were none.
+        The index of the readings' data frame; None for other readings.
 
     Notes
     -----
-    Noise differs from sample to sample, so that a mean over n samples of one pose has 1 / n of its
-    variance. The calibration errs by the same in every sample, so that a mean keeps its part, and
-    likewise that of the priors, which is `covariance` less the two parts. A difference of two poses
-    has far less of the calibration's part: see `facets.difference_uncertainty`.
+    Noise differs from sample to sample: a mean over n samples of one pose has its variance divided
+    by n. The errors of the calibration are the same in every sample, so that a mean has the same
+    part of them. So it is with the part of the priors, which is `covariance` less the two parts. A
+    difference of two poses has far less of the calibration's part: see
+    `facets.difference_uncertainty`.
 
     Examples
     --------
@@ -311,12 +316,12 @@ class Solution(UncertainResult):
 
     @property
     def converged(self) -> NDArray[np.bool_]:
-        """Whether there is a pose: (...)."""
+        """Whether each reading has a pose: (...)."""
         return np.equal(self.status, problem.CONVERGED)
 
     @property
     def misfit(self) -> NDArray[np.bool_]:
-        """Whether there is a pose with a residual beyond `limit`: (...).
+        """Whether each reading has a pose with a residual beyond `limit`: (...).
 
         The numbers of such a reading contradict each other or the model of the sensor. The pose may
         be wrong by far more than its stated uncertainty.
@@ -325,11 +330,11 @@ class Solution(UncertainResult):
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """Whether there is a pose and its residual is no misfit: (...).
+        """Whether each reading has a pose that is no misfit: (...).
 
         One in 10,000 right poses is marked as a misfit by chance. `facets.unseen_errors` bounds the
-        error of a pose that is `ok` by one wrong number: with a free beam nothing checks the places
-        of the spots.
+        error that one corrupted number can cause in a pose that is `ok`: with a free beam, the
+        positions of the spots are unchecked.
         """
         return self.converged & ~self.misfit
 
@@ -347,7 +352,7 @@ class Solution(UncertainResult):
 
     def columns(self) -> dict[str, Any]:
         """The solution as columns of numbers: state, status, the bits of the detectors used,
-        residual, power, uncertainties, and `misfit`: 1 where the residual is beyond chance."""
+        residual, power, uncertainties, and `misfit`, 1 for a residual beyond its limit."""
         columns = state_columns(self.state)
         columns["status"] = self.status
         columns["used"] = (self.used @ DETECTOR_BITS).astype(np.uint8)
@@ -363,15 +368,15 @@ class Solution(UncertainResult):
         Parameters
         ----------
         covariance
-            Whether the covariance of each pose is added, as the 21 columns cov_tx_tx_mm2, ..., from
-            which `facets.transform` takes it.
+            Whether to add the covariance of each pose, as the 21 columns cov_tx_tx_mm2, ..., which
+            `facets.transform` reads.
 
         Returns
         -------
         DataFrame
-            One row for each reading, with the index of the readings where these were a data frame:
-            the state in mm and mrad, status, standard uncertainties. `attrs["units"]` has the units
-            of the columns.
+            One row for each reading, with the index of the readings if they were a data frame: the
+            state in mm and mrad, status, standard uncertainties. `attrs["units"]` has the units of
+            the columns.
 
         Examples
         --------
@@ -386,8 +391,8 @@ class Solution(UncertainResult):
 
 
 def empty_solution(count: int, status: int, has_parts: bool) -> Solution:
-    """A solution without any pose, with one status.  has_parts: whether the covariance is given by
-    its parts as well."""
+    """Make a solution without any pose, with one status.  has_parts: whether the covariance has
+    parts."""
     numbers = np.full((count, COVARIANCE + len(problem.KEPT_ENTRIES)), np.nan)
     numbers[:, STATUS:RESIDUAL] = numbers[:, CHECKS] = 0.0
     numbers[:, STATUS], numbers[:, LIMIT] = status, np.inf
@@ -410,9 +415,9 @@ def solution(
     chance: Chance,
     parts: UncertaintyParts | None = None,
 ) -> Solution:
-    """The solution of results, in the leading `shape` of the readings."""
+    """Make the solution from results, in the leading `shape` of the readings."""
     checks, entries = chance.checks(results.used), results.covariances
-    known = {
+    fields = {
         "state": results.states[:, :8].reshape(*shape, 8),
         "status": results.status.reshape(shape),
         "power": results.states[:, 8].reshape(shape),
@@ -423,10 +428,10 @@ def solution(
         "limit": chance.limits(checks).reshape(shape),
         "entries": entries.reshape(*shape, entries.shape[1]),
     }
-    return LazySolution.from_fields(known, parts)
+    return LazySolution.from_fields(fields, parts)
 
 
-#: How a field of a `LazySolution` is made of its numbers.
+#: Functions that compute each field of a `LazySolution` from its numbers.
 FIELDS: dict[str, Callable[[Floats], Any]] = {
     "state": lambda numbers: numbers[..., :8],
     "status": lambda numbers: numbers[..., STATUS].astype(np.int8),
@@ -441,7 +446,7 @@ FIELDS: dict[str, Callable[[Floats], Any]] = {
 
 
 def results_of(numbers: Floats) -> problem.Results:
-    """The numbers of a `LazySolution` as results, whose floats are parts of them."""
+    """The numbers of a `LazySolution` as results, whose floats are views of the numbers."""
     rows = numbers.reshape(-1, numbers.shape[-1])
     fields = {name: make(rows) for name, make in FIELDS.items()}
     return problem.Results(
@@ -454,33 +459,36 @@ def results_of(numbers: Floats) -> problem.Results:
     )
 
 
-#: Held by the thread that makes a field of a `LazySolution`.
+#: Held by the thread that computes a field of a `LazySolution`.
 MAKING = RLock()
 
 
 class LazySolution(Solution):
-    """A solution whose fields are made when they are first asked for.
+    """A solution whose fields are computed when they are first read.
 
-    To make all of one reading takes as long as the estimate, and a loop asks for two or three. Of
-    many readings only the covariances are left, whose `KEPT_ENTRIES` take half the memory.
+    Computing all fields of one reading takes as long as its estimate, and a loop reads two or
+    three. For many readings only the covariances are lazy: their `KEPT_ENTRIES` take half the
+    memory.
 
-    numbers: those that blocks left for one reading or a few (..., n).  entries: (..., 36) of the
-    covariances; (..., 0) without.
+    numbers: (..., n) the rows that blocks wrote for one reading or a few.  entries: (..., 36)
+    entries of the covariances; (..., 0) without.
     """
 
     numbers: Floats
     entries: Floats
 
     @classmethod
-    def from_fields(cls, known: dict[str, Any], parts: UncertaintyParts | None) -> LazySolution:
-        """known: some fields, and `numbers` or `entries`.  parts: of the covariances, if they have
-        some."""
+    def from_fields(cls, fields: dict[str, Any], parts: UncertaintyParts | None) -> LazySolution:
+        """Make a solution from some of its fields, and `numbers` or `entries`.
+
+        parts: covariances with their parts, if the sensor has a calibration.
+        """
         lazy = object.__new__(cls)
-        lazy.__dict__.update(known)
+        lazy.__dict__.update(fields)
         if parts is not None:
             shape = lazy.status.shape
             lazy.__dict__.update(
-                covariance=parts.whole.reshape(*shape, 8, 8),
+                covariance=parts.total.reshape(*shape, 8, 8),
                 noise_covariance=parts.noise.reshape(*shape, 8, 8),
                 calibration_covariance=parts.calibration.reshape(*shape, 8, 8),
                 calibration_degrees_of_freedom=np.full(shape, parts.degrees_of_freedom),
@@ -488,20 +496,20 @@ class LazySolution(Solution):
         return lazy
 
     def __getattr__(self, name: str) -> Any:
-        known = vars(self)
+        computed = vars(self)
         with MAKING:
-            if name in known:  # another thread has made it meanwhile
-                return known[name]
+            if name in computed:  # another thread was faster
+                return computed[name]
             if name == "covariance":
                 entries = self.entries
-                made = problem.unpack_covariances(entries) if entries.shape[-1] else None
-                del known["entries"]  # twice the memory
-            elif name in FIELDS and "numbers" in known:
-                made = FIELDS[name](self.numbers)
+                value = problem.unpack_covariances(entries) if entries.shape[-1] else None
+                del computed["entries"]  # they would take memory twice
+            elif name in FIELDS and "numbers" in computed:
+                value = FIELDS[name](self.numbers)
             else:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-            known[name] = made
-            return made
+            computed[name] = value
+            return value
 
     @property
     def variance(self) -> Floats | None:
@@ -511,14 +519,14 @@ class LazySolution(Solution):
             return self.entries[..., :8] if self.entries.shape[-1] else None
 
 
-#: The status of a row that is not numbers.
+#: The status of a row that is not numeric.
 UNPARSABLE = "unparsable"
 
 
 @check_arguments
 @dataclass(frozen=True)
 class Samples:
-    """Readings that are solved together, and what was measured beside each of them.
+    """Readings that are solved together, with the other measured data of each sample.
 
     Attributes
     ----------
@@ -527,19 +535,19 @@ class Samples:
     numbers
         (n,) numbers of the samples; by default from 1.
     time
-        (n,) s; None where it is not known.
+        (n,) s; None if unknown.
     temperature
-        (n,) degrees Celsius, NaN where it is missing; None without a thermometer.
+        (n,) degrees Celsius, NaN for a missing value; None without a thermometer.
     place
-        (n, 2) the beam's measured place, mm, without `solve.beam_offset_um` and without its shift
-        by the temperature; a sample whose place is NaN gets no pose. None: at the origin.
+        (n, 2) measured position of the beam, mm, without `solve.beam_offset_um` and without its
+        shift by the temperature; a sample with NaN gets no pose. None: at the origin.
     place_sigma
-        Standard uncertainty of `place`, mm; infinite: the beam is free. None: what the
-        configuration's `solve` says of the beam.
+        Standard uncertainty of `place`, mm; infinite: the beam is free. None: as the
+        configuration's `solve` states.
     saturated
-        (n,) whether a converter was at its end; None where that is not known.
+        (n,) whether a converter was at its end; None if unknown.
     ends
-        The ends of the pieces in which samples of a run came, if these are several.
+        The ends of the pieces in which samples of a run came, if there are several.
     """
 
     readings: Floats
@@ -557,10 +565,11 @@ class Samples:
 
 
 class SampleEstimate(NamedTuple):
-    """Samples that were solved.
+    """The estimate of samples.
 
-    knowledge: what was known of the beam.  exact: the readings (n, 9) that were solved, those of
-    perfect detectors at the reference temperature; NaN where the beam's place is missing.
+    knowledge: prior knowledge of beam and power.  exact: (n, 9) the corrected readings that were
+    solved: those of perfect detectors at the reference temperature. They are NaN where the beam's
+    position is missing.
     """
 
     solution: Solution
@@ -578,7 +587,7 @@ class Poses:
     solution
         The solution of each sample.
     members
-        (n,) whether a sample belongs to the zero, with a pose that fits its readings.
+        (n,) whether a sample belongs to the zero and has a pose that fits its readings.
     object
         The columns (n,) of the measured object, of displacements from a zero, and of covariances
         and expanded uncertainties, by name; see `Measurement`.
@@ -589,12 +598,12 @@ class Poses:
     object: dict[str, Floats] = field(default_factory=dict)
 
     def columns(self) -> dict[str, Any]:
-        """The poses as columns of numbers, without what was measured beside them."""
+        """The poses as columns of numbers, without the other measured data of the samples."""
         return self.solution.columns() | self.object
 
 
 def detectors_of(used: ArrayLike) -> Booleans:
-    """Whether each detector took part (n, 3), by a column `used`: bits, or letters."""
+    """Whether each detector took part (n, 3), from a column `used` of bits or letters."""
     column = np.asarray(used)
     if column.dtype.kind in "iu":
         return np.asarray(column[:, None] & DETECTOR_BITS > 0)
@@ -603,8 +612,8 @@ def detectors_of(used: ArrayLike) -> Booleans:
 
 
 def common_detectors(used: Booleans) -> Booleans:
-    """The detectors (3,) that took part in all of some samples (n, 3); where these are fewer than
-    two, the two that took part in most of them."""
+    """Which detectors (3,) took part in all of some samples (n, 3); if fewer than two did, the two
+    that took part in most samples."""
     common = np.asarray(used.all(axis=0))
     if common.sum() < 2:
         common = np.arange(3) != int(np.argmin(used.sum(axis=0)))

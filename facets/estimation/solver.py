@@ -1,8 +1,8 @@
 """Solve readings for the mirror's pose: weighted least squares with all prior knowledge.
 
-`Solver` solves one reading at a time: its arguments are checked once, and memory is reused.
-`solve_each` solves readings of which each has a sensor of its own: the draws of a calibration's
-parameters. Blocks do nearly all of them; light that is cut is solved one by one.
+`Solver` solves one reading at a time; it checks its arguments once and reuses its memory.
+`solve_each` solves readings that have a sensor each, such as draws of a calibration's parameters:
+in blocks, or one by one where apertures cut the light.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Solver:
     beam, power, method, max_steps, covariance, accept_unchecked: as for `facets.solve`; a `Prior`
     has one mean.
     start: "zero", or "previous", which starts where the last converged reading of the same thread
-    ended, and at zero where that does not lead to a pose.
+    ended, and at zero if that does not lead to a pose.
 
     >>> import facets
     >>> sensor = facets.Sensor()
@@ -82,7 +82,7 @@ class Solver:
     def solver_of(
         cls, sensor: Sensor, question: Question, start: Literal["zero", "previous"] = "zero"
     ) -> Solver:
-        """Make a solver from a question that is checked."""
+        """Make a solver from checked arguments."""
         solver = cls.__new__(cls)
         solver._begin(sensor, question, start)
         return solver
@@ -92,10 +92,10 @@ class Solver:
         self._plan = make_plan(sensor, question.knowledge, question.method)
         self._previous = _Previous() if start == "previous" else None
         self._pool = Pool(self._prepare)
-        self._pool.put_back(self._prepare())  # refuses now what it would refuse later
+        self._pool.put_back(self._prepare())  # raises errors now instead of at the first reading
 
     def __reduce__(self) -> Any:
-        """A copy is another solver, which begins anew: its memory has other addresses."""
+        """Copies are new solvers, because the addresses of the memory differ."""
         return Solver.solver_of, self._arguments
 
     def _prepare(self) -> PreparedEstimate:
@@ -114,9 +114,9 @@ class Solver:
         return self.solve_from(values, None)
 
     def solve_from(self, values: Floats, start: Floats | None) -> Solution:
-        """Solve a reading (9,) that is checked.
+        """Solve a checked reading (9,).
 
-        start: (9,) or (1, 9); not used where the solver starts from the previous end.
+        start: (9,) or (1, 9); ignored by a solver that starts from the previous end.
         """
         prepared = self._pool.take()
         previous = self._previous
@@ -130,12 +130,12 @@ class Solver:
         return solved
 
     def solve_some(self, values: Floats, warmer: Floats | None = None) -> Solution | None:
-        """Solve a few readings (n, 9) that are checked, from zero.
+        """Solve a few checked readings (n, 9) from zero.
 
-        Returns None where one pass of blocks is not enough: the power is unknown, poses may have to
-        be withdrawn, or an estimate under real light wanders or stalls.
+        Returns None if one run of the blocks does not suffice: the power is unknown, poses may have
+        to be withdrawn, or an estimate under real light wanders or stalls.
 
-        warmer: (n,) how much warmer than the calibration's reference each is, K.
+        warmer: (n,) temperature above the calibration's reference, K.
         """
         prepared = self._pool.take()
         solved = prepared.solve_some(values, warmer)
@@ -143,23 +143,22 @@ class Solver:
         return solved
 
     def start_state(self, start: str | ArrayLike, values: Floats) -> Floats | None:
-        """The start of `facets.solve` for one reading (9,); None for zero."""
+        """The start of one reading (9,), from the argument of `facets.solve`; None for zero."""
         if isinstance(start, str) and start in ("zero", "previous"):
             return None
         return start_states(self._arguments[0], start, self._plan, values[None], ())
 
 
 class _Previous(threading.local):
-    """The end (9,) of this thread's last converged reading, with the power."""
+    """The final state and power (9,) of this thread's last converged reading."""
 
     end: Floats | None = None
 
 
 class PreparedEstimate:
-    """The memory of one reading's estimate, for one call at a time.
+    """Memory for estimating one reading, or a few, in one call at a time.
 
-    end: (9,) where the estimate ended, an array of its own; None unless it was asked for and has
-    converged.
+    end: (9,) final state and power, if it was requested and the estimate has converged; else None.
     """
 
     end: Floats | None = None
@@ -178,7 +177,7 @@ class PreparedEstimate:
         self._seeks = sensor.light.on and self._problem.damped
         self._kind = kind_of(sensor)
         self._has_exact = self._kind in LIT
-        self._code: Any = None  # made when it is asked for
+        self._code: Any = None  # loaded for the first reading
         self._block = KeptBlocks(
             packed_vectors(sensor), self._readings, self._problem, question.covariance
         )
@@ -201,7 +200,7 @@ class PreparedEstimate:
         return self._solution(self._put_limits(numbers), warmer)
 
     def _put_rows(self, values: Floats) -> KeptBlocks:
-        """Put readings (n, 9) into whole blocks, filled up with the last one, each to start at
+        """Copy readings (n, 9) into complete blocks, padded with the last one; all start at
         zero."""
         count = len(values)
         rows = -(-count // lanes()) * lanes()
@@ -219,12 +218,12 @@ class PreparedEstimate:
         )
         self._wide_code = find_code(self._kind, self._problem)
         packed = packed_vectors(self._sensor)
-        kept = KeptBlocks(packed, self._rows, self._problem, len(self._numbers) > COVARIANCE)
-        kept.numbers[:, CHECKS:COVARIANCE] = self._numbers[CHECKS:COVARIANCE]
-        return kept
+        some = KeptBlocks(packed, self._rows, self._problem, len(self._numbers) > COVARIANCE)
+        some.numbers[:, CHECKS:COVARIANCE] = self._numbers[CHECKS:COVARIANCE]
+        return some
 
     def _put_limits(self, numbers: Floats) -> Floats:
-        """Give numbers the limits of the detectors that were used."""
+        """Write the checks and limits that follow from the detectors used into numbers."""
         used = numbers[..., USED:RESIDUAL] > 0
         if not used.all():
             checks = self._chance.checks(used)
@@ -238,9 +237,9 @@ class PreparedEstimate:
         return LazySolution.from_fields({"numbers": numbers}, parts)
 
     def solve(self, values: Floats, start: Floats | None, warm: bool) -> Solution:
-        """Solve a reading (9,) from `start`, or from zero without one.
+        """Solve a reading (9,) from `start`, or from zero if there is none.
 
-        warm: whether to try zero where the start leads to no pose, and to keep the `end`.
+        warm: whether to try zero if the start leads to no pose, and to store the `end`.
         """
         self._readings.values[0] = values
         if self._sensor.electronics is not None:
@@ -258,13 +257,13 @@ class PreparedEstimate:
         return self._solution(numbers)
 
     def _own_numbers(self) -> Floats:
-        """The block's numbers in an array of their own, with the limit of the detectors used."""
+        """A copy of the block's numbers, with the limit for the detectors used."""
         numbers: Floats = self._numbers.copy()
         used = self._ends[USED] and self._ends[USED + 1] and self._ends[USED + 2]
         return numbers if used else self._put_limits(numbers)
 
     def _solution_in_doubt(self, results: problem.Results, warm: bool) -> Solution:
-        """The solution of a reading whose pose may not be the right one."""
+        """The solution of a reading after `review_poses`."""
         review_poses(self._sensor, self._readings, self._plan, self._problem, results)
         if warm:
             self._keep_end(results.states[0], results.status[0])
@@ -280,8 +279,8 @@ class PreparedEstimate:
         return self._zero
 
     def _run(self, start: Floats) -> None:
-        """Estimate the reading from a start, and again with exact derivatives where it has stalled
-        under real light."""
+        """Estimate the reading from a start; repeat it with exact derivatives if it stalls under
+        real light."""
         self._starts[:] = start
         if self._code is None:
             self._code = find_code(self._kind, self._problem, width=SINGLE)
@@ -291,15 +290,15 @@ class PreparedEstimate:
             self._block.estimate(exact)
 
 
-#: Solvers are kept for so many questions.
+#: Largest number of cached solvers.
 MAX_SOLVERS = 8
 _kept: dict[tuple[int, Question], Solver] = {}
 
 
 def find_solver(sensor: Sensor, question: Question) -> Solver:
-    """Return a cached solver for a sensor that starts from zero.
+    """Return a cached solver that starts from zero.
 
-    The cache keeps the sensor, so that no other sensor can have its identity.
+    A cached solver holds its sensor, so that no other sensor can get the same identity.
     """
     key = (id(sensor), question)
     solver = _kept.get(key)
@@ -324,7 +323,7 @@ def solve(
     accept_unchecked: bool = False,
     threads: int = 1,
 ) -> Solution:
-    """Estimate the mirror's pose and the beam's place from the detectors' readings.
+    """Estimate the mirror's pose and the beam's position from the detectors' readings.
 
     Parameters
     ----------
@@ -332,35 +331,35 @@ def solve(
         The sensor.
     readings
         (..., 9), mm and mW, as `facets.readings` gives them, or a data frame with these columns. A
-        detector with a NaN, without light or with a spot past its edge is left out.
+        detector with a NaN, without light or with a spot past its edge is excluded.
     beam
-        What is known of the beam's place: "free", "known" to be (0, 0), or a `Prior` in mm.
+        Knowledge of the beam's position: "free", "known" to be (0, 0), or a `Prior` in mm.
     power
-        What is known of the laser's power: "known" as the sensor's, "unknown", or a `Prior` in mW.
+        Knowledge of the laser's power: "known" as the sensor's, "unknown", or a `Prior` in mW.
     start
-        Where the search begins: "zero" (with the apex where the beam is thought to be), "previous"
-        (the last converged sample before), or states (..., 8); one at which diffraction leaves
-        no reading counts as zero.
+        Start of the search: "zero" (with the apex at the beam's expected position), "previous"
+        (the pose of the last converged sample before), or states (..., 8). A state at which
+        diffraction leaves no reading counts as zero.
     method
-        "paper" is Newton's method on eight readings, without the power of C (section 2.3 of the
-        paper): no weights, no damping, the beam free and its power known. Nothing checks its
-        poses.
+        "least-squares", or "paper": Newton's method on eight readings, without the power of C
+        (section 2.3 of the paper), with neither weights nor damping, a free beam and a known power.
+        Its poses are unchecked.
     max_steps
-        Largest number of steps; a reading that takes more has a status and no pose.
+        Largest number of steps; a reading that needs more has a status and no pose.
     covariance
-        Whether covariances are computed.
+        Whether to compute covariances.
     accept_unchecked
-        Whether poses that nothing checks are given, too; see the notes.
+        Whether unchecked poses are returned, too; see the notes.
     threads
-        Number of threads that share the readings; 0 for all cores. With start="previous" each
-        begins at zero.
+        Number of threads that share the readings; 0 for all cores. With start="previous" the part
+        of each thread begins at zero.
 
     Returns
     -------
     Solution
         States, statuses and covariances. A reading that cannot be solved has a status and NaN. A
-        pose whose residual noise would hardly leave is given, and is not `ok`. `to_frame()` makes
-        it a data frame, with the index of the readings' data frame.
+        pose with a residual that noise hardly explains is returned, but is not `ok`. `to_frame()`
+        converts the solution to a data frame, with the index of the readings' data frame.
 
     Raises
     ------
@@ -369,15 +368,15 @@ def solve(
 
     Notes
     -----
-    Weighted least squares on all nine readings, with weights from the sensor's noise, by
-    Gauss-Newton steps that are damped where they do not help.
+    The method is weighted least squares on all nine readings, with weights from the sensor's noise,
+    by Gauss-Newton steps with Levenberg-Marquardt damping.
 
     Two detectors with the beam and the power known, or with priors, have as many numbers as
-    unknowns, and so have three detectors with the beam free and the power unknown. Then a wrong
-    number also gives a pose, and no residual shows the error; a second, distant pose may have the
-    same readings. Priors of beam and power that are so wide that the readings have a redundancy
-    below 0.001 leave as little to check. Unless `accept_unchecked` is true, such a reading has the
-    status UNCHECKED and no pose.
+    unknowns. So have three detectors with the beam free and the power unknown. Then a corrupted
+    number also gives a pose, no residual shows the error, and a second, distant pose may have the
+    same readings. The same holds for priors of beam and power so wide that the redundancy of the
+    readings is below 0.001. Such a reading has the status UNCHECKED and no pose, unless
+    `accept_unchecked` is true.
 
     Examples
     --------
@@ -392,10 +391,10 @@ def solve(
     """
     values = as_vectors(readings, 9, "readings")
     question = Question(beam, power, method, max_steps, covariance, accept_unchecked)
-    found = solve_question(sensor, values, question, start, threads)
+    solved = solve_question(sensor, values, question, start, threads)
     if (index := index_of(readings)) is not None:
-        object.__setattr__(found, "index", index)  # a solution that nobody else has yet
-    return found
+        object.__setattr__(solved, "index", index)  # nobody else has this solution yet
+    return solved
 
 
 def solve_question(
@@ -406,16 +405,16 @@ def solve_question(
     threads: int = 1,
     warmer: Floats | None = None,
 ) -> Solution:
-    """`solve` of readings (..., 9) that are checked.
+    """Solve checked readings (..., 9), as `solve` does.
 
-    warmer: (n,) of readings (n, 9), than the reference temperature of the calibration, K.
+    warmer: (n,) temperature of readings (n, 9) above the calibration's reference, K.
     """
     if is_short(question) and threads >= 0 and are_few(checked, start):
         solver = find_solver(sensor, question)
         if checked.ndim == 1:
             return solver.solve_from(checked, solver.start_state(start, checked))
-        if (kept := solver.solve_some(checked, warmer)) is not None:
-            return kept
+        if (few := solver.solve_some(checked, warmer)) is not None:
+            return few
     values, shape = as_rows(checked, 9, "readings")
     plan = find_plan(sensor, question.knowledge, question.method, shape)
     starts = start_states(sensor, start, plan, values, shape)
@@ -427,26 +426,28 @@ def solve_question(
 
 
 def is_short(question: Question) -> bool:
-    """Whether a question has no array, so that a solver is kept for it."""
+    """Whether a question contains no array, so that its solver is cached."""
     beam, power = question.beam, question.power
     return (isinstance(beam, str) or is_plain(beam, 2)) and (
         isinstance(power, str) or is_plain(power, 1)
     )
 
 
-#: The memory of so many readings is kept.
+#: Largest number of readings in the memory of a cached solver.
 FEW = 64
 
 
 def are_few(readings: Floats, start: str | ArrayLike) -> bool:
-    """Whether a kept solver has memory for readings: for one, and for a few from zero."""
+    """Whether a cached solver can solve readings in its memory: one, or a few from zero."""
     from_zero = isinstance(start, str) and start == "zero"
     return readings.ndim == 1 or (readings.ndim == 2 and 0 < len(readings) <= FEW and from_zero)
 
 
 def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floats, float]:
-    """The state (8,) to which a reading (9,) leads from a start (8,), the beam free, and the
-    residual there; NaN where it leads to none. Another state may give the same reading."""
+    """Solve one reading (9,) from a start (8,) with a free beam, without a search for others.
+
+    Returns the state (8,) and its residual; NaN without a pose.
+    """
     question, values = Question(), reading[None].copy()
     plan = find_plan(sensor, question.knowledge, question.method, ())
     starts = start_states(sensor, start, plan, values, ())
@@ -465,10 +466,10 @@ def solve_rows(
     covariance: bool,
     threads: int = 1,
 ) -> problem.Results:
-    """`solve` of readings that are checked, without what the calibration adds to covariances."""
+    """Solve checked readings, as `solve` does; covariances lack the calibration's part."""
     n, kind = len(readings.values), kind_of(sensor)
     all_results = problem.empty_results(n, covariance)
-    find_code(kind, request)  # compiled once, before threads ask for it
+    find_code(kind, request)  # compiled once, before the threads use it
 
     def run(part: slice) -> None:
         some, questions = problem.some_rows(part, readings, request)
@@ -487,19 +488,19 @@ def review_poses(
     request: problem.FitProblem,
     results: problem.Results,
 ) -> None:
-    """Seek unlikely poses anew, and withdraw those that cannot be trusted; see `doubts`."""
+    """Solve unlikely poses again, and withdraw those that cannot be trusted; see `doubts`."""
 
-    def estimate_anew(rows: NDArray[np.intp], starts: Floats) -> problem.Results:
+    def repeat(rows: NDArray[np.intp], starts: Floats) -> problem.Results:
         some, questions = problem.some_rows(rows, readings, request)
-        anew = problem.empty_results(len(rows), results.covariances.shape[1] > 0)
+        repeated = problem.empty_results(len(rows), results.covariances.shape[1] > 0)
         questions = questions._replace(starts=starts, previous=False)
-        estimate(kind_of(sensor), packed_vectors(sensor), some, questions, anew)
-        return anew
+        estimate(kind_of(sensor), packed_vectors(sensor), some, questions, repeated)
+        return repeated
 
     chance = chance_of(sensor, plan)
     if sensor.light.on and request.damped:
-        replace_unlikely(sensor, plan, chance, results, estimate_anew)
-    withdraw_doubtful(sensor, plan.free, chance, results, estimate_anew)
+        replace_unlikely(sensor, plan, chance, results, repeat)
+    withdraw_doubtful(sensor, plan.free, chance, results, repeat)
 
 
 def solve_each(
@@ -509,8 +510,8 @@ def solve_each(
 ) -> problem.Results:
     """Solve readings (n, 9) as `facets.solve` does, each with its own sensor; no covariances.
 
-    question: priors with means (n, 2), (n) are those of each reading. A reading whose sensor is
-    impossible has the status NON_FINITE.
+    question: the means of priors may be arrays (n, 2), (n,), one for each reading. A reading whose
+    sensor is impossible has the status NON_FINITE.
     """
     sensor, shape = sensors.sensor, (len(values),)
     plan = make_plan(sensor, question.knowledge, shape=shape)
@@ -537,11 +538,11 @@ def solve_each(
     results = estimate_rows(np.arange(len(values)), readings, request)
     if sensors.kind is not None:
 
-        def again(which: Any, begin: Floats) -> problem.Results:
+        def repeat(which: Any, starts: Floats) -> problem.Results:
             some, questions = problem.some_rows(which, readings, request)
-            return estimate_rows(which, some, questions._replace(starts=begin))
+            return estimate_rows(which, some, questions._replace(starts=starts))
 
-        withdraw_doubtful(sensor, plan.free, chance_of(sensor, plan), results, again)
+        withdraw_doubtful(sensor, plan.free, chance_of(sensor, plan), results, repeat)
     return results
 
 
@@ -553,7 +554,7 @@ def estimate_singly(
     starts: Floats,
     results: problem.Results,
 ) -> None:
-    """Estimate some rows one by one, with a `Sensor` for each, and write them into `results`."""
+    """Solve some rows one by one, with a `Sensor` for each, and write them into `results`."""
     for row in which.tolist():
         start = starts[row if len(starts) > 1 else 0]
         try:

@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from ..core.sensor import Sensor
     from ..core.settings import Config, Solve
 
-#: Where the beam is; and how uncertain that is, which a table of poses has beside it.
+#: Columns of the beam's position, and of its standard uncertainties in a table of poses.
 BEAM_COLUMNS = STATE_COLUMNS[6:]
 BEAM_UNCERTAINTIES = tuple(f"u_{name}" for name in BEAM_COLUMNS)
-#: The most lines without numbers that are named.
+#: Largest number of lines without numbers that are named.
 NAMED_LINES = 5
-#: For a table of poses that is solved with a known beam.
+#: Advice for a table of poses that is solved with a known beam.
 KNOWN_ADVICE = (
     "give --beam free, or leave the two columns out if the beam stood still at the origin"
 )
@@ -44,19 +44,22 @@ def solve_table(
     progress: Callable[[int], None] = lambda _: None,
     rows: int = tables.CHUNK,
 ) -> list[int]:
-    """Solve each row of `readings` into a row of `poses`; a row that is not numbers gets NaN.
+    """Solve each row of the table `readings` into a row of `poses`; NaN for rows without numbers.
 
-    Needed columns: psi_a_mm, zeta_a_mm, power_a_mw, ...; times are carried through, and bx_mm,
-    by_mm say where the beam is, unless it is free; an estimate of that raises `InputError`, see
-    `require_known_beam`. progress: called with the number of bytes read. Returns the first lines
-    that are not numbers; the measurement's tally has their number.
+    Needed columns: psi_a_mm, zeta_a_mm, power_a_mw, ... Times are copied. The columns bx_mm, by_mm
+    give the position of a beam that is not free; estimates raise `InputError`, see
+    `require_known_beam`. The first lines without numbers are returned, and the measurement's tally
+    counts all of them.
+
+    about: provenance for the header.  progress: called with the number of bytes read.  rows:
+    number of rows in a piece.
     """
     tables.ending(poses)
     config = measurement.config
-    beside = (*TIMES, *((TEMPERATURE_COLUMN,) if config.sensor.thermal.is_on else ()))
+    optional = (*TIMES, *((TEMPERATURE_COLUMN,) if config.sensor.thermal.is_on else ()))
     if config.solve.beam != "free":
-        beside = (*beside, *BEAM_COLUMNS, *BEAM_UNCERTAINTIES)
-    read = tables.read_chunks(readings, READING_COLUMNS, beside, rows)
+        optional = (*optional, *BEAM_COLUMNS, *BEAM_UNCERTAINTIES)
+    read = tables.read_chunks(readings, READING_COLUMNS, optional, rows)
     chunks = deque[tables.Chunk]()
 
     def samples() -> Iterator[Samples]:
@@ -87,7 +90,7 @@ def solve_table(
 
 
 def samples_in(config: Config, chunk: tables.Chunk, before: int) -> Samples:
-    """The samples of a piece of a table.  before: the number of rows before it."""
+    """The samples of a piece of a table.  before: number of rows before the piece."""
     return Samples(
         readings_in(chunk),
         before + 1 + np.arange(len(chunk.lines)),
@@ -98,7 +101,7 @@ def samples_in(config: Config, chunk: tables.Chunk, before: int) -> Samples:
 
 
 def time_in(chunk: tables.Chunk) -> Floats | None:
-    """Times (n,) of a table, s; None if it has none."""
+    """The times (n,) in a piece of a table, s; None without a column of times."""
     for name, unit in TIMES.items():
         if name in chunk.columns:
             return unit * chunk.columns[name]
@@ -106,13 +109,15 @@ def time_in(chunk: tables.Chunk) -> Floats | None:
 
 
 def require_time(chunk: tables.Chunk) -> Floats:
-    """`time_in` of readings of detectors that are read one after the other.  Raises `InputError`
-    if there are no times."""
+    """The times (n,) in a piece of a table, s, for detectors that are read one after the other.
+
+    Raises `InputError` if there are no times.
+    """
     time = time_in(chunk)
     if time is None:
         raise InputError(
-            "sensor.light.delays_us are given, but the readings have no column time_s to tell how "
-            "fast they change; add the column, or set the delays to 0"
+            "sensor.light.delays_us are given, but the readings have no column time_s, from which "
+            "their rate of change follows; add the column, or set the delays to 0"
         )
     return time
 
@@ -123,8 +128,11 @@ def readings_in(chunk: tables.Chunk) -> Floats:
 
 
 def place_in(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Floats | None:
-    """The beam's position (n, 2) in a table, mm, to which a measurement adds its offset and
-    what follows the temperature. A table of poses, which states its uncertainty, contains both."""
+    """The beam's position (n, 2) in a table, mm; None without its columns.
+
+    A measurement adds its offset and its shift by the temperature. The position in a table of
+    poses, which also has uncertainties, contains both: they are subtracted.
+    """
     if not all(name in chunk.columns for name in BEAM_COLUMNS):
         return None
     place = np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
@@ -137,7 +145,7 @@ def place_in(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Floats | No
 def align_chunks(sensor: Sensor, chunks: Iterable[tables.Chunk]) -> Iterator[tables.Chunk]:
     """Yield the pieces of a table with the readings of each row at one instant; see `align`.
 
-    A row's neighbours may stand in the piece before, or after.
+    The neighbours of a row may be in the piece before or after.
     """
     if not any(sensor.light.delays):
         yield from chunks
@@ -145,24 +153,24 @@ def align_chunks(sensor: Sensor, chunks: Iterable[tables.Chunk]) -> Iterator[tab
     near = deque[tables.Chunk | None]([None], maxlen=3)
     for chunk in chain(chunks, [None]):
         near.append(chunk)
-        here = near[1]
-        if len(near) < 3 or here is None:
+        current = near[1]
+        if len(near) < 3 or current is None:
             continue
         rows = zip(near, (slice(-1, None), slice(None), slice(1)), strict=True)
         parts = [(require_time(piece)[n], readings_in(piece)[n]) for piece, n in rows if piece]
         time, raw = (np.concatenate(columns) for columns in zip(*parts, strict=True))
         first = int(near[0] is not None)
-        aligned = align(sensor, time, raw)[first : first + len(here.lines)]
+        aligned = align(sensor, time, raw)[first : first + len(current.lines)]
         named = dict(zip(READING_COLUMNS, aligned.T, strict=True))
-        yield replace(here, columns={**here.columns, **named})
+        yield replace(current, columns={**current.columns, **named})
 
 
 def require_known_beam(path: Path, chunk: tables.Chunk, advice: str) -> None:
     """Raise `InputError` if the beam's position in a table is an estimate.
 
-    Tables of poses have u_bx_mm, u_by_mm beside bx_mm, by_mm: where these are not 0, the place came
-    out of the readings themselves, and taken for known it would make them seem far better than they
-    are. advice: what to do instead.
+    Tables of poses also have the uncertainties u_bx_mm, u_by_mm. If these are not 0, the position
+    was estimated from the readings themselves; using it as known would state far too small
+    uncertainties.  advice: what to do instead, for the message.
     """
     for name, uncertainty in zip(BEAM_COLUMNS, BEAM_UNCERTAINTIES, strict=True):
         if name not in chunk.columns or uncertainty not in chunk.columns:
@@ -171,13 +179,13 @@ def require_known_beam(path: Path, chunk: tables.Chunk, advice: str) -> None:
         if len(estimated):
             line, u = chunk.lines[estimated[0]], chunk.columns[uncertainty][estimated[0]]
             raise InputError(
-                f"{path}:{line}: {name} is an estimate ({uncertainty} beside it is {u:.3g}), not "
-                f"where the beam is known to be; {advice}"
+                f"{path}:{line}: {name} is an estimate ({uncertainty} is {u:.3g}), not "
+                f"a known position of the beam; {advice}"
             )
 
 
 def known_places(path: Path, chunks: Iterable[tables.Chunk]) -> Iterator[tables.Chunk]:
-    """Yield the pieces of a table whose places of the beam, if it has any, are known."""
+    """Yield the pieces of a table after checking that any position of the beam is known."""
     for chunk in chunks:
         require_known_beam(path, chunk, KNOWN_ADVICE)
         yield chunk

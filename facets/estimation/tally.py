@@ -1,9 +1,9 @@
-"""What became of samples, counted: whether they fit the model, and what a user must be told.
+"""Count samples by their results, and report to the user what limits their poses.
 
-`Solution.misfit` flags a pose. If most poses are flagged, the likeliest cause is found by solving
-some of them again: with another power of the laser, and with the beam at another position that is
-common to all. A free beam for each reading would prove nothing: of the nine numbers it leaves one,
-which knows the power, not the geometry.
+`Solution.misfit` flags a pose. If most poses are flagged, some of them are solved again to find the
+likeliest cause: with another power of the laser, and with the beam at another position that is
+common to all. A free beam for each reading would show nothing: it leaves one redundant number,
+which checks the power but not the geometry.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ if TYPE_CHECKING:
     from .solution import SampleEstimate, Samples
 
 
-#: The model is doubted from this many flagged readings on, over those that chance flags; from this
-#: median residual on, over the noise's, it is not the model of this sensor.
+#: The model is doubted if this many times more readings are flagged than by chance; it is not the
+#: model of this sensor if the median residual is this many times the noise.
 DOUBT, WRONG = 10.0, 5.0
-#: Number of the newest readings whose residuals make the median.
-KEPT = 10_000
-#: The most flagged readings of a run that are solved again; the largest median residual, over the
-#: noise's, with which a cause explains them; and the largest with it over that without it.
-MAX_EXAMPLES, MAX_EXPLAINED_SIZE, EXPLAINED_SHARE = 60, 2.0, 0.5
-#: Expected residuals, over the noise's, above which the priors of beam and power play no part.
+#: The median residual is that of this many of the newest readings.
+NEWEST = 10_000
+#: Largest number of flagged readings that are solved again. A cause explains them if their median
+#: residual then is at most this many times the noise, and at most this fraction of that without it.
+MAX_EXAMPLES, MAX_EXPLAINED_SIZE, EXPLAINED_FRACTION = 60, 2.0, 0.5
+#: Priors of beam and power have no effect if the expected residual over the noise is above this.
 NO_PRIOR = 0.99
-#: Residuals, over the noise's, from which on they are more than the priors expect.
+#: Residuals are larger than the priors allow if they exceed the noise by this factor.
 OFF_PRIOR = 1.2
-#: A mirror whose poses scatter by less than so many standard uncertainties did not move.
+#: A mirror whose poses scatter by less than this many standard uncertainties did not move.
 STILL_SIGMAS = 10.0
 
 
@@ -58,22 +58,22 @@ class Misfit:
     ----------
     judged, flagged
         Number of poses that can be checked, and of those with a residual beyond chance.
-    sizes, kept
-        The newest `residual_sizes`, in the pieces in which they came, and their number: at least
-        KEPT once so many have come.
+    sizes, size_count
+        The newest `residual_sizes`, in the pieces in which they came, and their number: NEWEST or
+        more, if that many have come.
     carried
-        Whether a stage carries the beam, whose place is known by its encoder.
+        Whether a stage carries the beam, so that its encoder gives the beam's position.
     examples, stride
-        Flagged readings from all over the run, one of every `stride`, each with the place of the
-        beam that was assumed.
+        Flagged readings from the whole run, one of every `stride`, each with the assumed position
+        of the beam.
     sensor, knowledge, method
-        With which the last flagged readings were solved.
+        Arguments with which the last flagged readings were solved.
     """
 
     judged: int = 0
     flagged: int = 0
     sizes: deque[Floats] = field(default_factory=deque)
-    kept: int = 0
+    size_count: int = 0
     carried: bool = False
     examples: list[tuple[Floats, Floats]] = field(default_factory=list)
     stride: int = 1
@@ -90,9 +90,10 @@ class Misfit:
         readings: Floats,
         ends: Integers | None = None,
     ) -> None:
-        """Count solved readings (n, 9), as perfect detectors would give them.
+        """Count the solution of corrected readings (n, 9).
 
-        knowledge, method: with which they were solved.  ends: of the pieces in which they came.
+        sensor, knowledge, method: the arguments of the estimate.  ends: the ends of the pieces in
+        which the readings came.
         """
         flags = solution.misfit
         if flags.any():
@@ -106,15 +107,16 @@ class Misfit:
             self.sizes.append(sizes)
         else:
             self.sizes += np.split(sizes, np.cumsum(are_checked(solution))[ends[:-1] - 1])
-        self.kept += len(sizes)
-        while self.kept - len(self.sizes[0]) >= KEPT:
-            self.kept -= len(self.sizes.popleft())
+        self.size_count += len(sizes)
+        while self.size_count - len(self.sizes[0]) >= NEWEST:
+            self.size_count -= len(self.sizes.popleft())
 
     def has_room(self, count: int) -> bool:
-        """Whether so many more flagged readings leave one of every `stride` as an example."""
+        """Whether `count` more flagged readings can be added without a larger `stride`."""
         return len(self.examples) + -(-count // self.stride) <= MAX_EXAMPLES
 
     def keep_examples(self, flags: NDArray[np.bool_], readings: Floats, places: Floats) -> None:
+        """Store some of the flagged readings (n, 9), with the positions of the beam (n, 2)."""
         rows = np.flatnonzero(flags)
         rows = rows[(self.flagged + np.arange(len(rows))) % self.stride == 0]
         self.examples += [(readings[row].copy(), places[row].copy()) for row in rows]
@@ -124,93 +126,97 @@ class Misfit:
 
     @property
     def is_mostly_flagged(self) -> bool:
-        """Whether more than half of what was judged is flagged."""
+        """Whether more than half of the judged poses are flagged."""
         return 2 * self.flagged > self.judged
 
     @property
     def sentence(self) -> str:
-        """The message on the flags; empty if chance explains them all."""
+        """The message on flagged poses; empty if chance explains them all."""
         chance = FALSE_ALARM_RATE * self.judged
         if self.flagged <= max(DOUBT * chance, chance + 5 * np.sqrt(chance) + 1):
             return ""
         sizes = np.concatenate(self.sizes)
         size = float(np.median(sizes))
-        # the median of the poses without a flag, since those with one have the largest residuals
+        # the median of the poses without a flag, because flagged ones have the largest residuals
         unflagged = np.quantile(sizes, (1 - self.flagged / self.judged) / 2)
         is_general = self.is_mostly_flagged or unflagged > OFF_PRIOR
-        told = (
+        counts = (
             f"{self.flagged} of {self.judged} poses have a residual beyond chance "
             f"({chance:.2g} would by chance); the median residual is {size:.3g} times the noise"
         )
         if size > WRONG or self.is_mostly_flagged:
             cause = self.cause(size)
             if cause:
-                return f"{told}. {cause} Until then the poses and their uncertainties are wrong."
+                return f"{counts}. {cause} Until then the poses and their uncertainties are wrong."
         if size > WRONG:
             return (
-                f"{told}. The cause is unknown: neither another place of the beam nor another "
+                f"{counts}. The cause is unknown: neither another place of the beam nor another "
                 "power of the laser explains the readings. Check the sensor's geometry in the "
                 "configuration, the order of the detectors and the columns' signs and units, or "
                 "calibrate the rig; the stated uncertainties do not hold."
             )
         if is_general:
             return (
-                f"{told}: the model misses something of this sensor. Calibrate it again; if the "
+                f"{counts}: the model misses something of this sensor. Calibrate it again; if the "
                 "laser's power or the beam may have moved, solve with power: unknown or beam: free."
             )
         causes = "dust, a cable, a shutter, a passing reflection"
         if self.carried:
-            causes += ", or a stage whose place came too late to be that of the sample"
+            causes += ", or a position of the stage that came too late for its sample"
         return (
-            f"{told}: single readings are spoilt ({causes}); the column residual of the poses "
-            "says which."
+            f"{counts}: single readings are corrupted ({causes}); the column residual of the poses "
+            "shows which."
         )
 
-    def describe(self, least: float) -> str:
-        """The message on the flags; where chance explains them all, the size of the residuals.
+    def describe(self, expected: float) -> str:
+        """The message on flagged poses; if chance explains them all, the size of the residuals.
 
-        least: the expected size where beam and power are as their priors say; 1 without priors.
+        expected: size of the residuals if beam and power are within their priors; 1 without priors.
         """
-        if self.sentence or not self.kept or least**2 < MIN_REDUNDANCY:
+        if self.sentence or not self.size_count or expected**2 < MIN_REDUNDANCY:
             return self.sentence
         size = float(np.sqrt(np.mean(np.concatenate(self.sizes) ** 2)))
-        told = f"the residuals are {size:.2f} times the noise"
-        if least > NO_PRIOR:
-            return f"{told} (RMS; 1 is expected)"
-        told += f" (RMS; {least:.2f} to 1 is expected, with the errors that the priors allow)"
+        ratio = f"the residuals are {size:.2f} times the noise"
+        if expected > NO_PRIOR:
+            return f"{ratio} (RMS; 1 is expected)"
+        ratio += f" (RMS; {expected:.2f} to 1 is expected, with the errors that the priors allow)"
         if size < OFF_PRIOR:
-            return told
+            return ratio
         return (
-            f"{told}: beam or power are further off than their standard uncertainties, or a "
-            "reading is wrong by the same in all, which only a better known beam or power tells"
+            f"{ratio}: beam or power are further off than their standard uncertainties, or a "
+            "reading has the same error in all samples; a better known beam or power would "
+            "distinguish the two"
         )
 
     def cause(self, size: float) -> str:
-        """The cause that explains the examples, whose residuals are `size` times the noise, as a
-        sentence; empty where none does."""
+        """The sentence on the cause that explains the examples; empty if none does.
+
+        size: median residual of the poses over the noise.
+        """
         sensor, knowledge = self.sensor, self.knowledge
         if sensor is None or self.method == "paper" or not self.examples:
             return ""
         readings, places = (np.array(part) for part in zip(*self.examples, strict=True))
-        enough = min(MAX_EXPLAINED_SIZE, EXPLAINED_SHARE * size)
+        largest = min(MAX_EXPLAINED_SIZE, EXPLAINED_FRACTION * size)
         if knowledge.power != "unknown":
-            known = Prior(places, knowledge.beam_sigma)
-            power = power_that_explains(sensor, readings, known, enough)
+            beam = Prior(places, knowledge.beam_sigma)
+            power = power_that_explains(sensor, readings, beam, largest)
             if power is not None:
                 return (
                     f"The readings fit a laser of {power:.3g} mW instead of "
-                    f"{sensor.beam.power:.3g} mW, which is the likeliest cause: correct "
-                    "sensor.beam.power_mw, or solve with power: unknown."
+                    f"{sensor.beam.power:.3g} mW; a changed gain of one detector fits nearly as "
+                    "well. Measure the laser's power to distinguish the two. If it changed, set "
+                    "sensor.beam.power_mw, or solve with power: unknown; else run facets rezero."
                 )
         if knowledge.beam == "free":
             return ""
-        place = place_that_explains(sensor, readings, places, knowledge.power == "unknown", enough)
+        place = place_that_explains(sensor, readings, places, knowledge.power == "unknown", largest)
         return self.words_of_place(place, places.mean(axis=0)) if place is not None else ""
 
     def words_of_place(self, shift: tuple[Floats, bool], assumed: Floats) -> str:
-        """The sentences for a beam that stands elsewhere.
+        """The sentences on a beam at another position than assumed.
 
-        shift: from the `assumed` place (2,), mm, and whether the mirror moved meanwhile.
+        shift: from the `assumed` position (2,), mm, and whether the mirror moved meanwhile.
         """
         away, moved = shift
         if self.carried:
@@ -222,45 +228,45 @@ class Misfit:
             place = assumed + away
             words = (
                 f"The readings fit a beam at {point(place)} mm instead of {point(assumed)} mm, "
-                "which is the likeliest cause: move the beam back, say where it is, or solve with "
-                "beam: free; where a stage carries it, acquire with --track."
+                "which is the likeliest cause: move the beam back, configure its position, or "
+                "solve with beam: free; where a stage carries it, acquire with --track."
             )
         if moved:
             return words
         return (
             f"{words} A wrong geometry in the configuration would explain the readings as well, "
-            "because the mirror stood still."
+            "because the mirror did not move."
         )
 
 
 def point(place: Floats) -> str:
-    """A place (2,), to the micrometre."""
+    """Format a position (2,), mm, to the micrometre."""
     x, y = (round(float(value), 3) + 0.0 for value in place)
     return f"({x:g}, {y:g})"
 
 
 def power_that_explains(
-    sensor: Sensor, readings: Floats, place: Prior, enough: float
+    sensor: Sensor, readings: Floats, beam: Prior, largest: float
 ) -> float | None:
-    """The power of the laser, mW, with which readings (n, 9) fit; None where they fit with none.
+    """The power of the laser, mW, that fits readings (n, 9); None if no power fits.
 
-    place: what is known of the beam's place.  enough: the largest `median_size` of a fit.
+    beam: prior of the beam's position.  largest: largest `median_size` of a fit.
     """
-    solution = solve(sensor, readings, beam=place, power="unknown", accept_unchecked=True)
-    if median_size(solution) > enough:
+    solution = solve(sensor, readings, beam=beam, power="unknown", accept_unchecked=True)
+    if median_size(solution) > largest:
         return None
     return float(np.median(solution.power[solution.converged]))
 
 
 def place_that_explains(
-    sensor: Sensor, readings: Floats, places: Floats, unknown: bool, enough: float
+    sensor: Sensor, readings: Floats, places: Floats, is_power_unknown: bool, largest: float
 ) -> tuple[Floats, bool] | None:
-    """The common shift (2,) of the beam from `places` (n, 2), mm, with which readings (n, 9) fit,
-    and whether the mirror moved meanwhile; None where they fit with none.
+    """The common shift (2,) of the beam from `places` (n, 2), mm, that fits readings (n, 9), and
+    whether the mirror moved meanwhile; None if no shift fits.
 
-    unknown: whether the power is unknown.  enough: the largest `median_size` of a fit.
+    largest: largest `median_size` of a fit.
     """
-    power: Literal["known", "unknown"] = "unknown" if unknown else "known"
+    power: Literal["known", "unknown"] = "unknown" if is_power_unknown else "known"
     free = solve(sensor, readings, beam="free", power=power, accept_unchecked=True)
     good = free.converged
     if not good.any():
@@ -268,67 +274,68 @@ def place_that_explains(
     away = np.median(free.state[good, 6:] - places[good], axis=0)
     sigma = np.median(free.uncertainty[good, 6:], axis=0)
     together = solve(sensor, readings, beam=Prior(places + away, sigma), power=power)
-    if median_size(together) > enough:
+    if median_size(together) > largest:
         return None
     poses, u = free.state[good, :6], np.median(free.uncertainty[good, :6], axis=0)
     return away, bool((poses.std(axis=0) > STILL_SIGMAS * u).any())
 
 
 def residual_sizes(solution: Solution) -> Floats:
-    """The residuals (k,) of the poses that can be checked, over what noise leaves in them (RMS)."""
+    """The residuals (k,) of the poses that can be checked, over their RMS due to noise."""
     checked = are_checked(solution)
     sizes: Floats = solution.residual[checked] / np.sqrt(solution.checks[checked])
     return sizes
 
 
 def are_checked(solution: Solution) -> Booleans:
-    """Whether there is a pose that can be checked: (n,)."""
+    """Whether each reading has a pose that can be checked: (n,)."""
     return solution.converged & (solution.checks > 0)
 
 
 def median_size(solution: Solution) -> float:
-    """The median of `residual_sizes`; infinite where less than half of the readings have a pose
-    that can be checked."""
+    """The median of `residual_sizes`; infinite if less than half of the readings have a pose that
+    can be checked."""
     sizes = residual_sizes(solution)
     return float(np.median(sizes)) if 2 * len(sizes) >= len(solution.status) else np.inf
 
 
-#: The bound of unseen errors is computed for the first FIRST_POSES poses, and then for one in
+#: The bound of undetected errors is computed for the first FIRST_POSES poses, and then for one in
 #: LATER_POSES.
 FIRST_POSES, LATER_POSES = 100, 10_000
-#: Errors of a pose that are reported, and those without a bound; standard uncertainties.
+#: Undetected errors above MUCH are reported, and above BOUNDLESS as unlimited; in standard
+#: uncertainties.
 MUCH, BOUNDLESS = 10.0, 1e4
 
 
 @dataclass
 class Tally:
-    """Counts what became of samples, and makes the sentences that a user must read of them.
+    """Counts samples by their results, and writes the sentences on them for the user.
 
     Attributes
     ----------
     what
         The word for samples in sentences.
     cold
-        The clause that says where the temperature is missing that the sensor follows.
+        The clause on a missing temperature, for a sensor with `Sensor.thermal`.
     statuses
         Number of samples by the words of their status.
     misfit
-        The poses with a residual beyond chance.
+        Counts of the poses with a residual beyond chance.
     checked, unchecked
-        Number of poses that something checks, and that nothing checks, which are given on request.
+        Number of poses with and without redundancy; the latter exist only on request.
     edges
-        Number of poses with a spot near an edge that the model lacks.
+        Number of poses with a spot near a detector's edge, if the model has no edges.
     unseen
-        (2,) the largest errors of a pose, in standard uncertainties, that one spoilt place and one
-        spoilt power can cause without a sign in the residual; NaN where nothing was solved.
+        (2,) largest errors of a pose, in standard uncertainties, that one corrupted position and
+        one corrupted power can cause without being detected; NaN before the first pose.
     expected, sampled
-        The sum, over the number of poses at which `unseen` was sought, of the expected squares of
-        the residuals over their degrees of freedom, where beam and power are as their priors say.
+        Sum of the expected squared residuals over their degrees of freedom, if beam and power are
+        within their priors, and the number of poses in this sum.
     is_bare
-        Whether the priors left hardly any redundancy at the last of these poses.
+        Whether the last of these poses had hardly any redundancy.
     unknown_temperatures, is_cold
-        Number of samples without the temperature that the sensor follows, and whether there are
-        samples without any thermometer.
+        Number of samples without a temperature that the sensor needs, and whether there are samples
+        without any thermometer.
     """
 
     what: str = "samples"
@@ -346,16 +353,16 @@ class Tally:
     is_cold: bool = False
 
     def may_join(self, solution: Solution) -> bool:
-        """Whether pieces of samples are counted together as one after the other.
+        """Whether pieces of samples may be counted together, with the same result.
 
-        Not where a status is new, or where examples or unseen errors are chosen piece by piece.
+        They may not if a status is new, or if examples or undetected errors are chosen by pieces.
         """
         statuses = {LABELS[status] for status in np.unique(solution.status).tolist()}
         is_usual = statuses <= self.statuses.keys() and self.checked >= FIRST_POSES
         return is_usual and self.misfit.has_room(int(solution.misfit.sum()))
 
     def add(self, config: Config, samples: Samples, estimate: SampleEstimate) -> None:
-        """Count solved samples; those of several pieces where these `may_join`."""
+        """Count solved samples; those of several pieces only if they `may_join`."""
         sensor, (solution, knowledge, exact) = config.sensor, estimate
         self.add_statuses(solution)
         if sensor.thermal.is_on:
@@ -367,7 +374,7 @@ class Tally:
         converged, checks = solution.converged, solution.checks > 0
         was_bare, row = self.is_bare, self.look_for_unseen(config, estimate)
         is_bare: Any = self.is_bare
-        if samples.ends is not None and is_bare != was_bare:  # from the piece of this row on
+        if samples.ends is not None and is_bare != was_bare:  # changes at the piece of this row
             first = np.append(0, samples.ends)[(samples.ends <= row).sum()]
             is_bare = is_bare ^ (np.arange(len(checks)) < first)
         self.unchecked += int((converged & (is_bare | ~checks)).sum())
@@ -376,7 +383,7 @@ class Tally:
             self.edges += int((converged & near).sum())
 
     def add_statuses(self, solution: Solution) -> None:
-        """Count how estimates ended."""
+        """Count the statuses of a solution."""
         for number, count in enumerate(np.bincount(solution.status).tolist()):
             if count:
                 self.statuses[LABELS[number]] += count
@@ -389,9 +396,9 @@ class Tally:
             self.statuses[words] += len(status)
 
     def look_for_unseen(self, config: Config, estimate: SampleEstimate) -> int:
-        """Bound the error of one spoilt number, at some of the next poses that can be checked.
+        """Bound the undetected error of one corrupted number at some of the checked poses.
 
-        Returns the last of these rows; 0 if there is none.
+        Returns the last of their rows; 0 if there is none.
         """
         solution, knowledge, _ = estimate
         rows = np.flatnonzero(are_checked(solution))
@@ -400,8 +407,8 @@ class Tally:
         some = rows[(order < FIRST_POSES) | (order % LATER_POSES == 0)]
         if not len(some):
             return 0
-        known = config.solve.question(knowledge).rows(some)
-        plan = make_plan(config.sensor, known.knowledge, shape=some.shape)
+        question = config.solve.question(knowledge).rows(some)
+        plan = make_plan(config.sensor, question.knowledge, shape=some.shape)
         redundancy = redundancies(config.sensor, solution.state[some], plan)
         limit = chance_of(config.sensor, plan).limit
         errors = unseen_by_residual(redundancy, limit).reshape(-1, 3, 3)
@@ -415,12 +422,12 @@ class Tally:
 
     @property
     def solved_count(self) -> int:
-        """Samples that have a pose."""
+        """Number of samples that have a pose."""
         return self.statuses[Status.CONVERGED.label]
 
     @property
     def unsolved_count(self) -> int:
-        """Samples that were looked at and have no pose."""
+        """Number of samples that have no pose."""
         return self.statuses.total() - self.solved_count
 
     @property
@@ -428,7 +435,7 @@ class Tally:
         return self.statuses[Status.SKIPPED.label]
 
     def sentences(self, config: Config) -> list[str]:
-        """The sentences on the poses for their user."""
+        """Sentences on the poses for the user; those that do not apply are missing."""
         sentences = (
             self.misfit.describe(np.sqrt(self.expected / max(self.sampled, 1))),
             self.unchecked_sentence(),
@@ -439,15 +446,15 @@ class Tally:
         return [sentence for sentence in sentences if sentence]
 
     def unchecked_sentence(self) -> str:
-        """The sentence about samples that have, or could have, a pose which nothing checks."""
+        """The sentence on samples whose poses have, or would have, no redundancy."""
         refused = self.statuses[Status.UNCHECKED.label]
         if refused:
             return (
                 f"{self.what.capitalize()} without a redundant reading: {refused}. They have as "
                 "many readings as unknowns, or priors of beam and power that are too wide to check "
-                "them, so that a wrong reading would not be noticed. Tell what is known better, "
-                "such as solve.power: known; solve.accept_unchecked, or --accept-unchecked, gives "
-                "their poses all the same."
+                "them, so that a wrong reading would not be noticed. Give more knowledge, such as "
+                "solve.power: known, or solve them all the same with --accept-unchecked "
+                "(solve.accept_unchecked)."
             )
         if self.unchecked:
             return (
@@ -457,7 +464,7 @@ class Tally:
         return ""
 
     def edge_sentence(self) -> str:
-        """The sentence about poses with a spot near an edge that the model lacks."""
+        """The sentence on poses with a spot near an edge, if the model has no edges."""
         if not self.edges:
             return ""
         return (
@@ -467,7 +474,7 @@ class Tally:
         )
 
     def unseen_sentence(self) -> str:
-        """The sentence about the undetected error that one spoilt number can cause, if large."""
+        """The sentence on the undetected error that one corrupted number can cause, if large."""
         place, power = self.unseen.tolist()
         if not max(place, power) > MUCH:
             return ""
@@ -478,7 +485,7 @@ class Tally:
         )
 
     def temperature_sentence(self, config: Config) -> str:
-        """The sentence about samples without the temperature that the sensor follows."""
+        """The sentence on samples without a temperature that the sensor needs."""
         if not self.is_cold:
             if not self.unknown_temperatures:
                 return ""
@@ -497,18 +504,19 @@ class Tally:
 
 
 def amount(errors: float) -> str:
-    """An error in standard uncertainties, in words."""
+    """Format an error in standard uncertainties."""
     return "any amount" if errors > BOUNDLESS else f"up to {short_number(errors, 2)}"
 
 
 def shift_per_kelvin(sensor: Sensor, options: Solve) -> Floats:
-    """By how much a pose at rest is off (6,), mm and rad, where the sensor is 1 K warmer than its
-    reference and the readings are solved without their temperature."""
+    """The error (6,) of a pose at rest, mm and rad, of a sensor that is 1 K warmer than its
+    reference, if the readings are solved without their temperature."""
     state = np.zeros((1, 8))
     state[:, 6:] = beam_shift(sensor, np.ones(1))
-    seen = readings(sensor, state)
-    seen[:, PLACES] += sensor.thermal.places
-    known = replace(options, beam_offset=(0.0, 0.0)).knowledge(sensor)
-    solution = solve(sensor, seen, beam=known.beam, power=known.power, covariance=False)
+    raw = readings(sensor, state)
+    raw[:, PLACES] += sensor.thermal.places
+    knowledge = replace(options, beam_offset=(0.0, 0.0)).knowledge(sensor)
+    beam, power = knowledge.beam, knowledge.power
+    solution = solve(sensor, raw, beam=beam, power=power, covariance=False)
     shift: Floats = solution.state[0, :6]
     return shift

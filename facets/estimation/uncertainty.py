@@ -1,16 +1,16 @@
-"""The uncertainty of a pose: noise, and what noise is not; unseen errors; expanded uncertainties.
+"""The uncertainty of a pose: noise, priors, calibration; unseen errors; expanded uncertainties.
 
-The noise of the readings differs from sample to sample, so that a mean over n samples has 1 / n of
-its variance. The calibrated parameters are off by the same amount in every sample: a mean keeps
-their part, and a difference of two poses has that of the difference between their derivatives. What
-is known of beam and power beforehand (a prior) stays in a mean, too, but for the laser's pointing
-jitter and power noise, which differ from sample to sample as the readings' noise does.
+The noise of the readings differs from sample to sample, so that a mean over n samples has 1/n of
+its variance. The errors of the calibrated parameters are the same in every sample: a mean has the
+same part of them, and a difference of two poses has the part of the difference between their
+derivatives. The errors of a prior of beam or power also remain in a mean, except for the laser's
+pointing jitter and power noise, which differ from sample to sample.
 
-The largest error by one wrong number that the residual does not show is called external reliability
-in geodesy (W. Baarda, 1968). A number takes the share h of its own error into the pose and leaves
-1 - h in the residual, both squared and in standard deviations. So an error that leaves the limit L
-of `Chance` as its residual moves the pose by L sqrt(h / (1 - h)), and no component of the pose by
-more of its standard uncertainties.
+The largest error that one corrupted number can cause without raising the residual above its limit
+is called external reliability in geodesy (W. Baarda, 1968). Of the squared error of a number, in
+standard deviations, the fraction h goes into the pose and 1 - h into the residual. An error whose
+residual is the limit L of `Chance` therefore moves the pose by L sqrt(h / (1 - h)), and no
+component of the pose by more than this many of its standard uncertainties.
 
 JCGM 100 (GUM), annex G: the expanded uncertainty is U = k u, with k the quantile of Student's t
 distribution for the effective degrees of freedom. The noise of a reading is known and has
@@ -46,7 +46,7 @@ from ..model.arrays import (
 )
 from ..model.beam_shape import SHAPE, shape_derivatives
 from ..optics.forward import PARAMETERS
-from .plan import chance_of, jitter_share, make_plan
+from .plan import chance_of, jitter_fraction, make_plan
 from .problem import Results, unpack_covariances
 
 if TYPE_CHECKING:
@@ -54,23 +54,23 @@ if TYPE_CHECKING:
     from .plan import Plan
 
 
-#: How many samples at once: 5 kB each.
+#: Number of samples that are propagated together; each takes 5 kB.
 PART_SAMPLES = 2000
 
 
 def slices_of(count: int) -> list[slice]:
-    """Slices of some samples, each few enough to be propagated at once."""
+    """Slices of `count` samples, each small enough to be propagated at once."""
     return [slice(first, first + PART_SAMPLES) for first in range(0, count, PART_SAMPLES)]
 
 
 class Propagation(NamedTuple):
-    """How solved states (n, 8) follow what is not known; NaN where a state is not finite.
+    """How errors propagate to solved states (n, 8); NaN for a state that is not finite.
 
-    noise: (n, 8, 8) covariance by the readings' noise.  statistical: that by the priors of beam
-    and power included.  slopes: (n, 8, p) derivatives by the calibrated parameters, or None without
-    a calibration.  readings: (n, 9) of the model.  priors: (n, 8, 3) what one standard deviation of
-    the lasting error of the priors of bx, by and the power does to the state, so that statistical
-    is noise + priors priors'.
+    noise: (n, 8, 8) covariance due to the readings' noise.  statistical: (n, 8, 8) covariance due
+    to the noise and the priors of beam and power.  slopes: (n, 8, p) derivatives of the state by
+    the calibrated parameters, or None without a calibration.  readings: (n, 9) of the model.
+    priors: (n, 8, 3) change of the state by one standard deviation of the lasting errors of the
+    priors of bx, by and the power: statistical is noise + priors priors'.
     """
 
     noise: Floats
@@ -81,11 +81,11 @@ class Propagation(NamedTuple):
 
 
 class UncertaintyParts(NamedTuple):
-    """Covariances (n, 8, 8) of states, and their parts by the readings' noise and by the
-    calibration; NaN where a state is not finite.  degrees_of_freedom: of the calibration; NaN:
-    unknown."""
+    """Covariances (n, 8, 8) of states, and their parts due to the readings' noise and to the
+    calibration; NaN for a state that is not finite.  degrees_of_freedom: of the calibration; NaN
+    if unknown."""
 
-    whole: Floats
+    total: Floats
     noise: Floats
     calibration: Floats
     degrees_of_freedom: float
@@ -94,25 +94,25 @@ class UncertaintyParts(NamedTuple):
 def uncertainty_parts(
     sensor: Sensor, plan: Plan, results: Results, warmer: Floats | None = None
 ) -> UncertaintyParts | None:
-    """The covariances of poses with those of the calibrated parameters (`Sensor.calibration`), and
-    their parts; None without a calibration or covariances.
+    """Add the calibration's part to the covariances of poses, and return them with their parts.
 
-    The other arguments are those of `propagate`.
+    Returns None without a calibration (`Sensor.calibration`) or without covariances.  plan, warmer:
+    as in `propagate`.
     """
     if sensor.calibration is None or not results.covariances.shape[1]:
         return None
-    whole = unpack_covariances(results.covariances)
-    noise, calibration = np.empty_like(whole), np.empty_like(whole)
-    for part in slices_of(len(whole)):
+    total = unpack_covariances(results.covariances)
+    noise, calibration = np.empty_like(total), np.empty_like(total)
+    for part in slices_of(len(total)):
         propagation = propagate(
             sensor, sensor.calibration, results.states[part, :8], results.used[part], plan,
             None if warmer is None else warmer[part],
         )  # fmt: skip
         noise[part] = propagation.noise
         calibration[part] = carry_over(sensor.calibration, propagation.slopes)
-    whole += calibration
-    known = sensor.calibration.degrees_of_freedom
-    return UncertaintyParts(whole, noise, calibration, np.nan if known is None else known)
+    total += calibration
+    freedom = sensor.calibration.degrees_of_freedom
+    return UncertaintyParts(total, noise, calibration, np.nan if freedom is None else freedom)
 
 
 def transpose(matrices: Floats) -> Floats:
@@ -121,106 +121,108 @@ def transpose(matrices: Floats) -> Floats:
 
 
 def carry(slopes: Floats, covariance: Floats) -> Floats:
-    """The covariance (..., m, m) of quantities with derivatives (..., m, k) by others, whose
-    covariance (..., k, k) is known."""
+    """The covariance (..., m, m) of quantities, from their derivatives (..., m, k) by others and
+    the covariance (..., k, k) of these."""
     carried: Floats = slopes @ covariance @ transpose(slopes)
     return carried
 
 
-def carry_over(known: Calibration, slopes: Floats | None) -> Floats:
-    """The covariance (n, 8, 8) of states whose derivatives by the parameters are (n, 8, p)."""
+def carry_over(calibration: Calibration, slopes: Floats | None) -> Floats:
+    """The covariance (n, 8, 8) of states due to a calibration, from their derivatives (n, 8, p) by
+    its parameters."""
     assert slopes is not None
-    return carry(slopes, np.array(known.covariance))
+    return carry(slopes, np.array(calibration.covariance))
 
 
 def propagate(
     sensor: Sensor,
-    known: Calibration | None,
+    calibration: Calibration | None,
     states: Floats,
     used: NDArray[np.bool_],
     plan: Plan,
     warmer: Floats | None = None,
 ) -> Propagation:
-    """How solved states (n, 8) follow noise, priors and the parameters that are `known`.
+    """Propagate noise, priors and the errors of a calibration to solved states (n, 8).
 
-    used: (n, 3) detectors.  plan: the unknowns that were solved for, and what was known of bx, by
-    and the power.
-    warmer: (n,) than the reference temperature of the calibration, K; None where it is not known.
+    used: (n, 3) whether each detector took part.  plan: the unknowns and priors of the estimate.
+    warmer: (n,) temperature above the calibration's reference, K; None if unknown.
     """
-    seen, free, weights = readings(sensor, states), plan.free, plan.weights
-    weigh = np.repeat(used, 3, axis=1) / standard_deviations(sensor, seen)
+    exact, free, weights = readings(sensor, states), plan.free, plan.weights
+    weigh = np.repeat(used, 3, axis=1) / standard_deviations(sensor, exact)
     by_state = np.zeros((len(states), 9, 9))
     by_state[:, :, :8] = jacobian(sensor, states)
-    by_state[:, 2::3, 8] = seen[:, 2::3] / sensor.beam.power
+    by_state[:, 2::3, 8] = exact[:, 2::3] / sensor.beam.power
     rows = np.nan_to_num(by_state[:, :, free] * weigh[:, :, None])
-    before = np.zeros(9)
-    before[6:] = weights**2
+    of_priors = np.zeros(9)
+    of_priors[6:] = weights**2
     units = np.array([*FINE_UNITS, 1e-3])[free]
     rows *= units
     across = np.swapaxes(rows, 1, 2)
     information = across @ rows
-    inner = information + np.diag(before[free] * units**2)
+    inner = information + np.diag(of_priors[free] * units**2)
     good = np.isfinite(states).all(axis=1)
     inner[~good] = np.eye(len(free))
     inverse = np.linalg.inv(inner)
     scale = np.outer(units, units)
 
     def state_part(part: Any, places: tuple[Any, ...], shape: tuple[int, ...]) -> Floats:
-        """Rows or rows and columns of the unknowns as those of the state; 0 of what is known."""
-        whole = np.zeros((len(states), *shape))
-        whole[(slice(None), *places)] = part
-        whole[~good] = np.nan
-        return whole[:, :8]
+        """Expand rows (and columns) from the unknowns to the state; known components are 0."""
+        expanded = np.zeros((len(states), *shape))
+        expanded[(slice(None), *places)] = part
+        expanded[~good] = np.nan
+        return expanded[:, :8]
 
     square, both = (9, 9), np.ix_(free, free)
-    share = np.zeros(9)
-    share[6:] = jitter_share(sensor, before[6:])
-    random = information + np.diag((before * share)[free] * units**2)
-    lasting = inverse * (np.sqrt(before * (1 - share))[free] * units) * units[:, None]
+    jitter = np.zeros(9)
+    jitter[6:] = jitter_fraction(sensor, of_priors[6:])
+    random = information + np.diag((of_priors * jitter)[free] * units**2)
+    lasting = inverse * (np.sqrt(of_priors * (1 - jitter))[free] * units) * units[:, None]
     noise = state_part(inverse @ random @ inverse * scale, both, square)
     statistical = state_part(inverse * scale, both, square)
     priors = state_part(lasting, both, square)[:, :, 6:]
     slopes = None
-    if known is not None:
-        off = parameter_derivatives(sensor, known, states, seen, warmer) * weigh[:, :, None]
-        if not np.isfinite(off).all():  # replacing takes longer than all else
-            off = np.nan_to_num(off)
-        moved = inverse @ (across @ off) * units[:, None]
-        slopes = state_part(moved, (free,), (9, off.shape[2]))
-    return Propagation(noise[:, :, :8], statistical[:, :, :8], slopes, seen, priors)
+    if calibration is not None:
+        shifts = parameter_derivatives(sensor, calibration, states, exact, warmer)
+        shifts = shifts * weigh[:, :, None]
+        if not np.isfinite(shifts).all():  # replacing takes longer than all else
+            shifts = np.nan_to_num(shifts)
+        moved = inverse @ (across @ shifts) * units[:, None]
+        slopes = state_part(moved, (free,), (9, shifts.shape[2]))
+    return Propagation(noise[:, :, :8], statistical[:, :, :8], slopes, exact, priors)
 
 
 def parameter_derivatives(
     sensor: Sensor,
-    known: Calibration,
+    calibration: Calibration,
     states: Floats,
-    seen: Floats,
+    exact: Floats,
     warmer: Floats | None = None,
 ) -> Floats:
-    """How far model and reading part for each unit of what was calibrated: (n, 9, p).
+    """The derivatives (n, 9, p) of model less reading by the calibrated parameters.
 
-    warmer: (n,) than the reference temperature of the calibration, K.
+    states, exact: (n, 8), and their readings (n, 9).  warmer: (n,) temperature above the
+    calibration's reference, K.
     """
-    whole: Floats = np.empty(0)
-    if any(name in PARAMETERS or name in SHAPE for name in known.names):
-        whole = parameter_jacobian(sensor, states)
+    by_parameter: Floats = np.empty(0)
+    if any(name in PARAMETERS or name in SHAPE for name in calibration.names):
+        by_parameter = parameter_jacobian(sensor, states)
     identity = np.broadcast_to(np.eye(9), (len(states), 9, 9))  # each adds to its own reading
     makers: dict[tuple[str, ...], Callable[[], Floats]] = {
-        PARAMETERS: lambda: whole,
-        NAMES: lambda: -correction_slopes(sensor, seen),
+        PARAMETERS: lambda: by_parameter,
+        NAMES: lambda: -correction_slopes(sensor, exact),
         MISFIT: lambda: identity,
         MODEL_ERROR: lambda: identity,
-        SHAPE: lambda: shape_derivatives(sensor, states, whole),
+        SHAPE: lambda: shape_derivatives(sensor, states, by_parameter),
         LIGHT_CENTRE: lambda: jacobian(sensor, states)[:, :, 6:],
         TEMPERATURE: lambda: temperature_derivatives(sensor, states, warmer),
-        EFFECTS: lambda: effect_jacobian(sensor, states, names=known.names),
+        EFFECTS: lambda: effect_jacobian(sensor, states, names=calibration.names),
     }
     parts: list[Floats] = [np.empty((len(states), 9, 0))]
     order: list[int] = []
     for names, make in makers.items():
-        columns = [n for n, name in enumerate(known.names) if name in names]
+        columns = [n for n, name in enumerate(calibration.names) if name in names]
         if columns:
-            which = [names.index(known.names[n]) for n in columns]
+            which = [names.index(calibration.names[n]) for n in columns]
             parts.append(make().take(which, axis=2))
             order += columns
     derivatives: Floats = np.concatenate(parts, axis=2)
@@ -228,8 +230,10 @@ def parameter_derivatives(
 
 
 def temperature_derivatives(sensor: Sensor, states: Floats, warmer: Floats | None) -> Floats:
-    """The derivatives by `TEMPERATURE` (n, 9, 8), of readings at temperatures (n,) K above the
-    reference."""
+    """The derivatives (n, 9, 8) of readings by `TEMPERATURE`.
+
+    warmer: (n,) temperature above the reference, K.
+    """
     slopes = np.zeros((len(states), 9, len(TEMPERATURE)))
     if warmer is not None:
         slopes[:, :, :2] = jacobian(sensor, states)[:, :, 6:]
@@ -238,7 +242,7 @@ def temperature_derivatives(sensor: Sensor, states: Floats, warmer: Floats | Non
     return slopes
 
 
-#: Shares of an error that a residual has of it, squared, below this are rounding.
+#: Redundancies of single numbers below this are rounding errors of zero.
 NOTHING = 1e-12
 
 
@@ -250,7 +254,7 @@ def unseen_errors(
     beam: BeamKnowledge = "free",
     power: PowerKnowledge = "known",
 ) -> Floats:
-    """Bound the error of a pose by one wrong number that the residual does not show.
+    """Bound the error of a pose that one corrupted number can cause without being detected.
 
     Parameters
     ----------
@@ -259,15 +263,15 @@ def unseen_errors(
     state
         States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
     beam, power
-        What is known of them, as for `facets.solve`; of a `Prior` its sigma alone counts.
+        Knowledge of them, as for `facets.solve`; the mean of a `Prior` is ignored.
 
     Returns
     -------
     ndarray
-        (..., 9): for each number of the reading, in standard uncertainties of the pose. Where only
-        that number is wrong and the solution is `ok` all the same, no component of the pose is off
-        by more, to first order and but for the noise of the others. Infinite where nothing checks
-        the number; NaN where a detector has no light.
+        (..., 9) for each number of the reading, in standard uncertainties of the pose. If only that
+        number is wrong and the solution is still `ok`, no component of the pose is off by more, to
+        first order and without the noise of the other numbers. Infinite for a number that nothing
+        checks; NaN where a detector has no light.
 
     Examples
     --------
@@ -284,26 +288,26 @@ def unseen_errors(
 
 
 def unseen_by_residual(redundancy: Floats, limit: float) -> Floats:
-    """The errors of `unseen_errors`, from `redundancies` and the limit of the residual."""
+    """Compute `unseen_errors` from `redundancies` and the limit of the residual."""
     with np.errstate(divide="ignore", invalid="ignore"):
         errors = limit * np.sqrt((1 - redundancy) / redundancy)
     return np.where(redundancy <= NOTHING, np.inf, errors)
 
 
 def redundancies(sensor: Sensor, states: Floats, plan: Plan) -> Floats:
-    """The redundancy (n, 9) of each number of the readings at states (n, 8): the fraction of its
-    error that stays in the residual, squared and in standard deviations.
+    """The redundancy (n, 9) of each number of the readings at states (n, 8).
 
-    Their sum over a reading is the expected square of its residual where beam and power are as the
-    priors of the plan say. NaN where a detector has no light.
+    It is the fraction of the number's squared error, in standard deviations, that appears in the
+    residual. The sum over a reading is the expected square of its residual, if beam and power are
+    within the priors of the plan. NaN where a detector has no light.
     """
     exact = readings(sensor, states)
     slopes = np.zeros((len(states), 9, 9))
     slopes[:, :, :8] = derivatives(sensor, states) * FINE_UNITS
     slopes[:, 2::3, 8] = exact[:, 2::3]
     slopes /= standard_deviations(sensor, exact)[:, :, None]
-    known = np.diag([*[0.0] * 6, *plan.weights * [*FINE_UNITS[6:], sensor.beam.power]])
-    rows = np.concatenate([slopes, np.broadcast_to(known, slopes.shape)], axis=1)[:, :, plan.free]
+    priors = np.diag([*[0.0] * 6, *plan.weights * [*FINE_UNITS[6:], sensor.beam.power]])
+    rows = np.concatenate([slopes, np.broadcast_to(priors, slopes.shape)], axis=1)[:, :, plan.free]
     out = np.full((len(states), 9), np.nan)
     lit = np.isfinite(rows).all(axis=(1, 2))
     factor = np.linalg.qr(rows[lit] / column_lengths(rows[lit]))[0]
@@ -312,12 +316,13 @@ def redundancies(sensor: Sensor, states: Floats, plan: Plan) -> Floats:
 
 
 def column_lengths(matrices: Floats) -> Floats:
+    """The Euclidean norms (n, 1, k) of the columns of matrices (n, m, k)."""
     lengths: Floats = np.linalg.norm(matrices, axis=1, keepdims=True)
     return lengths
 
 
 def require_probability(probability: float) -> float:
-    """The coverage probability.  Raises `InputError` if it is not between 0 and 1."""
+    """Return the coverage probability.  Raises `InputError` if it is not between 0 and 1."""
     if not 0 < probability < 1:
         raise InputError(
             f"the coverage probability is {probability}; allowed: between 0 and 1, such as 0.95"
@@ -327,13 +332,13 @@ def require_probability(probability: float) -> float:
 
 def describe_coverage(sensor: Sensor, probability: float) -> dict[str, str]:
     """The lines of a table's header on its expanded uncertainties."""
-    known = sensor.calibration
-    if known is None:
+    calibration = sensor.calibration
+    if calibration is None:
         source = "infinite, as the configuration has no covariance of a calibration"
-    elif known.degrees_of_freedom is None:
+    elif calibration.degrees_of_freedom is None:
         source = "unknown; coverage factors are those of the normal distribution"
     else:
-        source = f"{known.degrees_of_freedom:.6g}"
+        source = f"{calibration.degrees_of_freedom:.6g}"
     return {
         "coverage_probability": f"{require_probability(probability):g}",
         "calibration_degrees_of_freedom": source,
@@ -343,23 +348,23 @@ def describe_coverage(sensor: Sensor, probability: float) -> dict[str, str]:
 def effective_degrees_of_freedom(
     variance: ArrayLike, part: ArrayLike, degrees_of_freedom: ArrayLike
 ) -> Floats:
-    """Degrees of freedom of combined variances (...) by the formula of Welch and Satterthwaite.
+    """Effective degrees of freedom of variances (...) by the formula of Welch and Satterthwaite.
 
-    part: (...) of these variances, with `degrees_of_freedom` (...) of its own, NaN for unknown;
-    the rest has infinitely many. Unknown ones matter only where the part is above zero.
+    part: (...) the part of each variance that has `degrees_of_freedom` (...), NaN if unknown; the
+    rest has infinitely many. Unknown ones matter only where the part is above zero.
     """
-    whole, share, known = np.broadcast_arrays(
+    total, limited, freedom = np.broadcast_arrays(
         *(np.asarray(numbers, float) for numbers in (variance, part, degrees_of_freedom))
     )
     with np.errstate(divide="ignore", invalid="ignore"):
-        effective: Floats = np.where(share > 0, known * (whole / share) ** 2, np.inf)
+        effective: Floats = np.where(limited > 0, freedom * (total / limited) ** 2, np.inf)
     return effective
 
 
 def coverage_factor(probability: float, degrees_of_freedom: ArrayLike = np.inf) -> Floats:
     """Coverage factor of an interval that is symmetric about the estimate (GUM, G.3).
 
-    degrees_of_freedom: (...); NaN for unknown, which gives the factor of the normal distribution.
+    degrees_of_freedom: (...); NaN if unknown, which gives the factor of the normal distribution.
     """
     from scipy.special import ndtri, stdtrit
 
@@ -372,12 +377,12 @@ def coverage_factor(probability: float, degrees_of_freedom: ArrayLike = np.inf) 
 
 
 def region_factor(probability: float, dimensions: int, degrees_of_freedom: float = np.inf) -> float:
-    """Coverage factor of a hyper-ellipsoid in some dimensions, about the estimate.
+    """Coverage factor of a hyper-ellipsoid about the estimate.
 
-    The region has the points whose difference d from the estimate has d' C^-1 d up to the factor's
-    square, C the covariance. NaN, as no region can be stated, with fewer degrees of freedom than
-    dimensions; NaN for the degrees of freedom (unknown) gives the factor of the normal
-    distribution.
+    With the covariance C, the region contains the points whose difference d from the estimate has
+    d' C^-1 d up to the square of the factor. With fewer degrees of freedom than dimensions there is
+    no such region, and the factor is NaN. Unknown degrees of freedom (NaN) give the factor of the
+    normal distribution.
     """
     from scipy.special import chdtri, fdtri
 

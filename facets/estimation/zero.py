@@ -1,4 +1,4 @@
-"""The zero: which samples are the reference pose from which displacements are given."""
+"""The zero: the samples whose mean pose is the reference for displacements."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from ..core.settings import Config
     from .solution import Samples
 
-#: Scatter of a zero's samples over their noise above which the mirror did not stand still; and what
-#: chance adds to 1 once in 10,000, times the root of one less than their number.
+#: The mirror was not at rest if a zero's samples scatter by more than this factor over their noise.
+#: Chance adds to 1, once in 10,000, the second number over the root of their number less one.
 MOVED, BY_CHANCE = 1.5, 3.0
 
 
@@ -46,14 +46,14 @@ class ZeroPose:
     sensor
         The sensor that measured it.
     plan
-        The unknowns and priors with which it was solved.
+        The unknowns and priors of the estimates.
     propagation
-        How the state follows noise, priors and parameters.
+        How the errors of noise, priors and parameters propagate to the state.
     scatter
-        (6,) of the samples: their standard deviation over that of their noise; NaN for a single
-        sample. Above about 1.5, and 1 + 3 / sqrt(samples - 1), the mirror did not stand still.
+        (6,) standard deviation of the samples over that of their noise; NaN for a single sample.
+        Above about 1.5, and 1 + 3 / sqrt(samples - 1), the mirror was not at rest.
     same_calibration
-        Whether the errors of the calibration are those of the poses that are compared with it.
+        Whether the zero and the poses that are compared with it have the same calibration errors.
     """
 
     state: Floats
@@ -80,21 +80,21 @@ def zero_pose(
     Parameters
     ----------
     sensor
-        The sensor; with `Sensor.calibration` its errors are common to this pose and the others.
+        The sensor; the errors of `Sensor.calibration` are common to this pose and the others.
     states
-        A solution of samples at the reference, or states (..., 8), which all detectors have seen;
-        mm and rad, world frame. Rows with NaN do not count.
+        A solution of samples at the reference, or states (..., 8) measured with all detectors; mm
+        and rad, world frame. Rows with NaN do not count.
     samples
         Number of samples whose mean `states` already is; by default the number of rows.
     beam, power
-        What was known of them, as for `facets.solve`; of a `Prior` its sigma alone counts.
+        Knowledge of them, as for `facets.solve`; the mean of a `Prior` is ignored.
     temperature
-        Mean temperature of the samples, degrees Celsius, for a sensor that follows it.
+        Mean temperature of the samples, degrees Celsius, for a sensor with `Sensor.thermal`.
 
     Returns
     -------
     ZeroPose
-        The mean of the states, and how its errors follow noise, priors and calibration.
+        The mean of the states, and how errors of noise, priors and calibration propagate to it.
 
     Raises
     ------
@@ -133,10 +133,10 @@ def make_zero(
     samples: int | None = None,
     warmer: float = 0.0,
 ) -> ZeroPose:
-    """`zero_pose` by a plan.  warmer: than the reference temperature of the calibration, K.
+    """Make a zero from states (n, 8) that were solved by a plan.
 
-    Detectors that took part in some of the samples only count as if they had in none: its noise is
-    stated too large then, and never too small.
+    A detector that took part in only some of the samples is treated as unused: the stated noise is
+    then too large, never too small.  warmer: temperature above the calibration's reference, K.
     """
     finite = np.isfinite(states).all(axis=1)
     rows = states[finite]
@@ -169,7 +169,7 @@ def make_zero(
 @check_arguments
 @dataclass(frozen=True)
 class ZeroRequest:
-    """The samples that are the zero: those of the first `seconds`, the sample `row` (from 1), or
+    """The definition of a zero: the samples of the first `seconds`, the sample `row` (from 1), or
     the poses in a file."""
 
     seconds: float = 0.0
@@ -180,7 +180,7 @@ class ZeroRequest:
         """Whether each sample belongs to the zero: (n,).
 
         rows: (n,) numbers of the samples, from 1.  time: (n,) s.  start: time of the first sample.
-        Samples after the first one that is later than `seconds` do not belong to it.
+        No sample after the first one that is later than `seconds` belongs to the zero.
         """
         if self.row:
             return np.equal(rows, self.row)
@@ -195,8 +195,10 @@ class ZeroRequest:
         return members
 
     def require_length(self, lasts: float, samples: int, what: str) -> None:
-        """Raise `InputError` where the samples of `what` last for less than the zero, up to the
-        time to the next sample.  lasts: the time from the first to the last sample, s."""
+        """Raise `InputError` if a table is shorter than the zero, by more than one sample's step.
+
+        lasts: time from the first to the last sample, s.  what: the table's name in messages.
+        """
         if lasts + 2 * lasts / max(samples - 1, 1) < self.seconds:
             raise InputError(
                 f"--zero is {self.text}, but {what} lasts {lasts:.4g} s; give a shorter time, or "
@@ -214,10 +216,10 @@ class ZeroRequest:
 @check_arguments
 @dataclass(frozen=True)
 class PoseColumns:
-    """The columns of poses beside the mirror's pose and the object's.
+    """The columns of poses in addition to the mirror's pose and the object's.
 
-    zero: the samples from whose mean pose displacements are given.  covariance: whether whole
-    covariances.  coverage: the probability of expanded uncertainties, or None for none.
+    zero: the zero of displacements, or None for no displacements.  covariance: whether complete
+    covariances are included.  coverage: probability of expanded uncertainties, or None for none.
     """
 
     zero: ZeroRequest | None = None
@@ -226,21 +228,20 @@ class PoseColumns:
 
 
 class ZeroSearch:
-    """Collects the samples of a zero from pieces of a table or a run, until it is known.
+    """Collects the samples of a zero from pieces of a table or a run, until the zero is known.
 
-    zero: the reference pose, None until it is known.  first: the number and the time of the sample
-    from which samples are counted, once it has come (`is_begun`).  is_over: whether a sample after
-    the zero has come.  count, last: the number of samples in the zero, those without a pose
-    included, and the newest time, s.
+    zero: the reference pose, None until it is known.  is_begun: whether the first sample of the
+    zero has come.  first: its number and time, s.  is_over: whether a sample after the zero has
+    come.  count: number of samples in the zero, with or without a pose.  last: the newest time, s.
     """
 
     def __init__(self, request: ZeroRequest, config: Config, waits: bool) -> None:
         """Begin without samples.
 
-        waits: whether samples are counted from the first one with a pose that fits, as those of a
-        run, which may begin in the dark; else from the first of all.
+        waits: whether the zero begins with the first pose that fits its readings, as in a run,
+        which may begin without light; else with the first sample.
 
-        Raises `InputError` where the table that is requested is of no use.
+        Raises `InputError` if the requested table is unusable.
         """
         self.request, self.config, self.waits = request, config, waits
         self.zero: ZeroPose | None = None
@@ -257,10 +258,10 @@ class ZeroSearch:
         self.members: list[tuple[Floats, Floats, Booleans]] = []
 
     def add(self, samples: Samples, solution: Solution) -> Booleans:
-        """Take in solved samples, and make the zero once the first sample after it has come.
+        """Add solved samples, and make the zero when the first sample after it has come.
 
-        Returns which samples belong to it and have a pose that fits: (n,). Raises `InputError`,
-        and begins anew, where its samples are of no use.
+        Returns whether each sample belongs to the zero and has a pose that fits its readings: (n,).
+        If the samples of the zero are unusable, forgets them and raises `InputError`.
         """
         nothing = np.zeros(len(samples.readings), dtype=bool)
         if self.zero is not None or not (self.is_begun or self.begin(samples, solution)):
@@ -282,7 +283,7 @@ class ZeroSearch:
         return members
 
     def begin(self, samples: Samples, solution: Solution) -> bool:
-        """Find the sample from which samples are counted: whether it is among these."""
+        """Look for the first sample of the zero; whether it is among these samples."""
         starts = solution.ok if self.waits else np.ones(len(samples.readings), dtype=bool)
         time = samples.time
         if time is None:
@@ -296,9 +297,9 @@ class ZeroSearch:
         return self.is_begun
 
     def measure(self) -> None:
-        """Make the zero of the samples so far, and forget these.
+        """Make the zero from the samples so far, and forget them.
 
-        Raises `InputError` where they are of no use.
+        Raises `InputError` if they are unusable.
         """
         members = self.members or [(np.empty((0, 8)), np.empty(0), np.empty((0, 3), bool))]
         states, temperature, used = map(np.concatenate, zip(*members, strict=True))
@@ -306,10 +307,10 @@ class ZeroSearch:
         self.zero = zero_of_samples(self.config, states, temperature, used)
 
     def finish(self, what: str, rows: int) -> None:
-        """Make the zero, if it is not known yet, at the end of the samples of a table.
+        """Make the zero at the end of a table, unless it is known already.
 
-        what, rows: the table, for messages, and its number of rows. Raises `InputError` where the
-        table does not have the samples of the zero, or where these are of no use.
+        what, rows: the table's name in messages, and its number of rows. Raises `InputError` if the
+        table lacks the samples of the zero, or they are unusable.
         """
         if self.zero is not None:
             return
@@ -327,11 +328,11 @@ def zero_of_samples(
     temperature: Floats | None = None,
     used: Booleans | None = None,
 ) -> ZeroPose:
-    """The zero of states (n, 8) that were solved as a configuration's `solve` says.
+    """Make the zero from states (n, 8) that were solved by a configuration's `solve`.
 
-    temperature: (n,) degrees Celsius, if the sensor follows it.  used: (n, 3) detectors; None for
-    all. Raises `InputError` where no state is finite, where fewer than two detectors took part in
-    all of them, or where a detector has no light at their mean.
+    temperature: (n,) degrees Celsius, for a sensor with `Sensor.thermal`.  used: (n, 3) whether
+    each detector took part; None for all. Raises `InputError` if no state is finite, if fewer than
+    two detectors took part in all samples, or if a detector has no light at the mean.
     """
     sensor = config.sensor
     warmer = 0.0
@@ -342,12 +343,11 @@ def zero_of_samples(
 
 
 def zero_of_table(path: Path, config: Config) -> ZeroPose:
-    """The zero of the poses in a table that fit their readings.
+    """Make the zero from the poses in a table that fit their readings.
 
-    Raises `InputError` where the table cannot be read, or its poses are of no use.
-
-    The errors of the calibration are common to this zero and later poses only if the table says
-    that it was made from the same configuration.
+    The errors of the calibration are common to this zero and later poses only if the table's header
+    names the same configuration. Raises `InputError` if the table cannot be read, or its poses are
+    unusable.
     """
     columns = STATE_COLUMNS[:6], (*STATE_COLUMNS[6:], "misfit")
     states, fitting = [], []
@@ -379,7 +379,7 @@ def zero_text(request: ZeroRequest, zero: ZeroPose) -> str:
 
 
 def zero_findings(zero: ZeroPose) -> list[str]:
-    """The sentences on a zero that its user should know."""
+    """Sentences on a zero's faults: motion of the mirror, another configuration."""
     sentences = []
     worst = int(np.nanargmax(zero.scatter)) if np.isfinite(zero.scatter).any() else 0
     if zero.scatter[worst] > max(MOVED, 1 + BY_CHANCE / max(zero.samples - 1, 1) ** 0.5):

@@ -47,7 +47,7 @@ def test_an_estimated_beam_is_not_taken_for_a_known_one(run_in_process, tmp_path
     ):
         status, _, err = run_in_process(*words)
         assert status == 2
-        assert "first.csv:2: bx_mm is an estimate (u_bx_mm beside it is" in err
+        assert "first.csv:2: bx_mm is an estimate (u_bx_mm is" in err
     assert "still" in err
     assert [path.name for path in tmp_path.iterdir()] == ["first.csv"]
     (tmp_path / "still.yaml").write_text("extends: paper\ncalibrate: {beam: still}\n")

@@ -12,7 +12,7 @@ import facets
 from facets import InputError, standard_deviations
 from facets.calibration import Data, add_converter_steps, gather_samples
 from facets.core import READING_COLUMNS, Steps
-from facets.estimation import dwell_means, stands, stands_of_axis
+from facets.estimation import dwell_means, find_axis_dwells, find_dwells
 from facets.simulation import reading_table, reference_table
 
 SIGMA = np.array([1e-3, 2e-3])
@@ -26,7 +26,7 @@ def test_stands_are_found_and_the_way_between_is_not():
         rows += [np.tile(places[n], (count, 1)), np.linspace(places[n], places[n + 1], 302)[1:-1]]
     pose = np.concatenate(rows[:-1])
     pose += 0.3 * SIGMA * rng.standard_normal(pose.shape)
-    parts = stands(pose, SIGMA)
+    parts = find_dwells(pose, SIGMA)
     for part, n in zip(parts, (0, 1, 3), strict=True):
         assert 0.85 * counts[n] <= part.stop - part.start <= counts[n]
         assert (np.abs(pose[part] - places[n]) < 3 * SIGMA).all()
@@ -35,9 +35,9 @@ def test_stands_are_found_and_the_way_between_is_not():
 def test_rows_without_a_pose_end_a_stand():
     pose = np.zeros((200, 2))
     pose[100] = np.nan
-    starts = [part.start for part in stands(pose, SIGMA)]
+    starts = [part.start for part in find_dwells(pose, SIGMA)]
     assert [round(start, -2) for start in starts] == [0, 100]
-    assert stands(np.full((50, 2), np.nan), SIGMA) == []
+    assert find_dwells(np.full((50, 2), np.nan), SIGMA) == []
 
 
 def mean_at_stands(noise, count):
@@ -117,9 +117,9 @@ def test_an_axis_stands_still_where_its_noisy_coordinate_does():
     rng = np.random.default_rng(3)
     place = np.repeat([0.0, 2.0, 4.0, 2.0], 500) + rng.standard_normal(2000)
     place[rng.integers(0, 2000, 40)] = np.nan
-    parts = stands_of_axis(place, 300)
+    parts = find_axis_dwells(place, 300)
     ends = [(part.start // 500, (part.stop - 1) // 500) for part in parts]
     assert ends == [(0, 0), (1, 1), (2, 2), (3, 3)]
     assert min(part.stop - part.start for part in parts) > 380
-    assert len(stands_of_axis(rng.standard_normal(2000), 300)) == 1
-    assert stands_of_axis(np.full(100, np.nan), 30) == []
+    assert len(find_axis_dwells(rng.standard_normal(2000), 300)) == 1
+    assert find_axis_dwells(np.full(100, np.nan), 30) == []
