@@ -8,7 +8,7 @@ pointing jitter and power noise, which differ from sample to sample.
 
 The largest error that one corrupted number can cause without raising the residual above its limit
 is called external reliability in geodesy (W. Baarda, 1968). Of the squared error of a number, in
-standard deviations, the fraction h goes into the pose and 1 - h into the residual. An error whose
+standard deviations, the pose takes the fraction h and the residual 1 - h. An error whose
 residual is the limit L of `Chance` therefore moves the pose by L sqrt(h / (1 - h)), and no
 component of the pose by more than this many of its standard uncertainties.
 

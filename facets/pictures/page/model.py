@@ -264,7 +264,7 @@ def solver_data(sensor: Sensor, plans: dict[str, plan.Plan]) -> dict[str, Any]:
         "plans": {name: plan_data(sensor, each) for name, each in plans.items()},
         "limits": {"floor": limits.noise[2], "light": limits.light, "rounding": ROUNDING},
         "samples": doubts.unit_samples().round(9),
-        "offset": doubts.OFFSET_SHARE,
+        "offset": doubts.OFFSET_FRACTION,
         "fold": FOLD,
         "noise": electronic_noise(sensor),
         "statuses": [status.label for status in Status if status < Status.SKIPPED],
