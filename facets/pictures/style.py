@@ -1,7 +1,7 @@
-"""The style of every plot of the project, sizes, lines, fonts and hues, and the writing of files.
+"""The style of all plots (sizes, lines, fonts and colours), and the writing of their files.
 
-A picture is at most `FULL` inches wide and has no text below `LEAST` points, so that all of it
-remains legible at a column's width in print, 88 mm. Text stays text: in SVG as such, in PDF by an
+A picture is at most `FULL` inches wide and has no text below `LEAST` points, so that it remains
+legible at the width of a printed column, 88 mm. Text stays text: SVG has it as such, PDF by an
 embedded TrueType font.
 """
 
@@ -16,39 +16,27 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.hues import chosen_hues, chosen_style
-from ..core.units import Floats, unit_of as unit_of
+from ..core.units import Floats, Integers, unit_of as unit_of
 from ..files.tables import Whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Widths of a picture, inches: of one panel, and of a page's whole text.
+#: Widths of a picture with one panel and of one as wide as a page's text, inches.
 SINGLE, FULL = 4.4, 6.2
-#: Sizes of text, points: the least, and that of labels.
+#: Sizes of text, points: minimum, and labels.
 LEAST, LABEL_SIZE = 9.0, 9.5
 ENDINGS = (".png", ".svg", ".pdf")
-#: Dots an inch of PNGs by style, and of rasterised parts of SVG and PDF.
+#: Dots per inch of PNGs by style, and of rasterised parts of SVG and PDF.
 DOTS = {"paper": 300, "screen": 160, "dark": 160}
 VECTOR_DOTS = 300
-#: The unit of lengths in SVG and PDF: points per inch.
+#: Points per inch, the unit of lengths in SVG and PDF.
 VECTOR_DPI = 72
-#: Widths of lines by style, points: of data, of axes and grids.
+#: Widths of lines of data, and of axes and grids, by style; points.
 LINES = {"paper": (1.1, 0.6), "screen": (1.4, 0.7), "dark": (1.4, 0.7)}
 #: Metadata without a date, so that the same picture gives the same file.
 METADATA: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-
-#: First digits of a logarithmic axis's ticks, from many to few.
-DIGITS = (
-    (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8),
-    (1, 1.5, 2, 3, 4, 6, 8),
-    (1, 2, 3, 5),
-    (1, 2, 5),
-    (1, 3),
-    (1,),
-)
-#: Largest number of ticks with a number.
-TICKS = 6
 
 #: Axes in words.
 WORDS = {
@@ -58,13 +46,15 @@ WORDS = {
 
 
 def rules() -> dict[Any, Any]:
-    """matplotlib's settings for the chosen style: its own defaults, whatever the user's settings
-    are, and those of the project."""
+    """Return matplotlib's settings for the chosen style.
+
+    They are matplotlib's defaults with those of the project, whatever the user's settings are.
+    """
     from matplotlib import rcParamsDefault
 
     hues, (line, thin) = chosen_hues(), LINES[chosen_style()]
-    own = {name: value for name, value in rcParamsDefault.items() if name != "backend"}
-    return own | {
+    defaults = {name: value for name, value in rcParamsDefault.items() if name != "backend"}
+    return defaults | {
         "axes.axisbelow": True,
         "axes.edgecolor": hues.soft,
         "axes.facecolor": hues.ground,
@@ -109,7 +99,7 @@ def rules() -> dict[Any, Any]:
 def style_context(**changes: Any) -> Iterator[None]:
     """Apply the chosen style to the pictures drawn in this context.
 
-    changes: further settings of matplotlib, a dot written as two underscores: `axes__grid=False`.
+    changes: further settings of matplotlib, with two underscores for a dot: `axes__grid=False`.
     """
     import matplotlib as mpl
 
@@ -119,7 +109,7 @@ def style_context(**changes: Any) -> Iterator[None]:
 
 
 def figure(width: float, height: float, **options: Any) -> Figure:
-    """Make an empty figure in the project's style, inches."""
+    """Make an empty figure in the project's style; sizes in inches."""
     from matplotlib.figure import Figure
 
     with style_context():
@@ -127,7 +117,7 @@ def figure(width: float, height: float, **options: Any) -> Figure:
 
 
 def save(picture: Figure, path: Path) -> None:
-    """Write the picture as PNG, SVG or PDF by its ending; a failure leaves no partial file."""
+    """Write a picture as PNG, SVG or PDF by its ending; a failure leaves no partial file."""
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: a picture's name ends in {', '.join(ENDINGS)}")
     kind = path.suffix[1:].lower()
@@ -139,7 +129,7 @@ def save(picture: Figure, path: Path) -> None:
 
 
 def svg_text(picture: Figure) -> str:
-    """The picture as an SVG element of a page."""
+    """Convert a picture to an SVG element of a page."""
     from io import StringIO
 
     stream = StringIO()
@@ -151,9 +141,9 @@ def svg_text(picture: Figure) -> str:
 
 
 def lay_out(picture: Figure, dpi: int) -> None:
-    """Arrange the parts of a picture by its layout, once.
+    """Arrange the parts of a picture once.
 
-    Saving would do so and first draw the picture to nowhere, which takes as long as drawing it.
+    Saving would also do so, but would draw the picture twice.
     """
     picture.set_dpi(dpi)
     layout = picture.get_layout_engine()
@@ -163,32 +153,31 @@ def lay_out(picture: Figure, dpi: int) -> None:
 
 
 def ramp() -> Any:
-    """A colour map for a quantity, from small to large; its ends contrast with the ground."""
+    """Return a colour map whose ends contrast with the ground."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
-    dark = chosen_style() == "dark"
-    ends = (0.2, 1.0) if dark else (0.0, 0.92)
+    ends = (0.2, 1.0) if chosen_style() == "dark" else (0.0, 0.92)
     return ListedColormap(colormaps["viridis"](np.linspace(*ends, 256)))
 
 
 def component_label(name: str) -> str:
-    """A component of the state for a label: "shift in x"."""
+    """Name a component of the state: "shift in x"."""
     return WORDS[name]
 
 
 def place_label(name: str) -> str:
-    """The label of places along an axis: "shift in x, mm"."""
+    """Label positions along an axis: "shift in x, mm"."""
     return f"{WORDS[name]}, {unit_of(name).unit}"
 
 
 def fine_label(name: str) -> str:
-    """The label of errors and uncertainties along an axis: "shift in x, µm"."""
+    """Label errors and uncertainties along an axis: "shift in x, µm"."""
     return f"{WORDS[name]}, {unit_of(name).fine_unit}"
 
 
 class Band(NamedTuple):
-    """Many samples in columns: the least, largest and median of each."""
+    """Many samples in columns: minimum, maximum and median of each."""
 
     time: Floats
     low: Floats
@@ -196,54 +185,51 @@ class Band(NamedTuple):
     middle: Floats
 
 
-def band(time: Floats, values: Floats, columns: int = 120) -> Band:
-    """Least, largest and median of the samples in each column of a panel.
+def band(time: Floats, values: Floats, columns: int | Integers = 120) -> Band:
+    """Compute minimum, maximum and median of the samples in each column of a panel.
 
-    time, values: (n,), time ascending. NaN are ignored; a column without a number is NaN, so that
-    the drawing has a gap there.
+    time, values: (n,), time ascending; NaN are ignored.  columns: number of equal columns, or the
+    first sample of each but the first.  A column without a number is NaN, so that it is a gap.
     """
-    parts = np.array_split(np.arange(len(time)), min(columns, len(time)))
+    parts = np.array_split(np.arange(len(time)), np.minimum(columns, len(time)))
     rows = [(time[part].mean(), *ends(values[part])) for part in parts]
     return Band(*np.array(rows).reshape(-1, 4).T)
 
 
 def ends(values: Floats) -> tuple[float, float, float]:
-    known = values[np.isfinite(values)]
-    if not len(known):
+    finite = values[np.isfinite(values)]
+    if not len(finite):
         return (np.nan, np.nan, np.nan)
-    return float(known.min()), float(known.max()), float(np.median(known))
+    return float(finite.min()), float(finite.max()), float(np.median(finite))
 
 
 def say(panel: Axes, text: str) -> None:
-    """Write in an empty panel why it has nothing to draw."""
+    """Write in an empty panel why it is empty."""
     panel.text(0.5, 0.5, text, ha="center", va="center", transform=panel.transAxes,
                color=chosen_hues().soft, fontsize=LEAST, wrap=True)  # fmt: skip
 
 
-def legend_below(picture: Any, handles: Sequence[Any], texts: Sequence[str], columns: int) -> Any:
-    """Draw one legend for all panels, below them."""
-    return picture.legend(handles, texts, loc="outside lower center", ncols=columns,
-                   columnspacing=1.4, handletextpad=0.5)  # fmt: skip
-
-
 def panels_legend(picture: Any, panels: Iterable[Axes], columns: int) -> Any:
-    """Draw one legend below the panels, with each text of their labelled marks once."""
+    """Draw one legend below the panels that has each label once."""
     marks: dict[str, Any] = {}
     for panel in panels:
         for handle, text in zip(*panel.get_legend_handles_labels(), strict=True):
             marks.setdefault(text, handle)
-    return legend_below(picture, list(marks.values()), list(marks), columns)
+    return picture.legend(
+        list(marks.values()), list(marks), loc="outside lower center", ncols=columns,
+        columnspacing=1.4, handletextpad=0.5,
+    )  # fmt: skip
 
 
 def colour_bar(picture: Any, image: Any, panels: Any, label: str, **options: Any) -> Any:
-    """Draw the scale of an image's colours beside its panels."""
+    """Draw the scale of an image's colours next to its panels."""
     bar = picture.colorbar(image, ax=panels, label=label, **{"pad": 0.02, **options})
     bar.outline.set_visible(False)
     return bar
 
 
 def name_lanes(panel: Axes, places: Iterable[float], names: Sequence[str], count: int) -> None:
-    """Make a panel of `count` horizontal lanes, the first at the top, with names at places."""
+    """Turn a panel into `count` horizontal lanes, the first at the top, with names at places."""
     panel.set_yticks(list(places), names)
     panel.set_ylim(count - 0.5, -0.5)
     panel.grid(visible=False, axis="y")
@@ -252,31 +238,10 @@ def name_lanes(panel: Axes, places: Iterable[float], names: Sequence[str], count
 
 
 def plain_log(axis: Any) -> None:
-    """Set ticks of a logarithmic axis in plain numbers, as many as there is room for."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
+    """Label a logarithmic axis with plain round numbers; few decades have 1, 2 and 5 of each."""
+    from matplotlib.ticker import LogLocator, NullFormatter
 
-    axis.axes.autoscale_view()
-    places = log_ticks(*sorted(axis.get_view_interval()))
-    axis.set_major_locator(FixedLocator(places))
-    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    low, high = sorted(axis.get_view_interval())
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,)))
+    axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
-
-
-def log_ticks(low: float, high: float) -> list[float]:
-    """Return round numbers from low to high, at most `TICKS`; powers of ten alone may be more.
-
-    Less than a decade with fewer than three gets steps of equal size instead.
-    """
-    from matplotlib.ticker import MaxNLocator
-
-    ticks: list[float] = []
-    tens = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    for digits in DIGITS:
-        ticks = [float(f"{digit:g}e{ten}") for ten in tens for digit in digits]
-        ticks = [place for place in ticks if low <= place <= high]
-        if len(ticks) <= TICKS:
-            break
-    if len(ticks) < 3 and high < 10 * low:
-        even = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
-        ticks = [float(place) for place in even]
-    return [place for place in ticks if low <= place <= high]

@@ -105,10 +105,10 @@ def test_pictures_and_films_by_the_command(run_in_process, tmp_path):
 
 @pytest.mark.parametrize(
     ("zeta", "power", "title"),
-    [(-2.0, 0.1, "100.0 µW"), (-7.0, 0.1, "100.0 µW beside it"), (np.nan, np.nan, "no light")],
+    [(-2.0, 0.1, "100.0 µW"), (-7.0, 0.1, "100.0 µW, outside it"), (np.nan, np.nan, "no light")],
 )
 def test_titles_say_where_no_light_falls(zeta, power, title):
-    """No number of watts where there are none, and none without a word where the spot is beside."""
+    """No number of watts where there are none, and a word where the spot is outside."""
     assert light_on(facets.Sensor().psds[0], np.array([1.0, zeta, power])) == title
 
 

@@ -1,5 +1,8 @@
-"""The picture of a test of an axis: runs in both directions, their means and the band, and the
-other five error motions; and its page."""
+"""The picture and the page of a test of an axis.
+
+The picture has the runs in both directions with their means and the band, and the other five error
+motions.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +22,14 @@ if TYPE_CHECKING:
 
     from ...axis_tests.report import AxisReport
 
-#: Marks of the two directions of approach, and their words.
+#: Marks and names of the two directions of approach.
 DIRECTIONS = (("^", "positive direction"), ("v", "negative direction"))
 #: Dashes of the error motions in one panel.
 DASHES = ("-", "--", ":")
 
 
 def axis_picture(report: AxisReport) -> Figure:
-    """Draw the positioning deviations of all runs with means and mean +- 2 s, above the other
-    shifts and the angular errors."""
+    """Draw the positioning deviations of all runs, and the other shifts and angles below."""
     main = report.motions.main
     with style.style_context():
         picture = style.figure(style.FULL, 8.2)
@@ -41,7 +43,7 @@ def axis_picture(report: AxisReport) -> Figure:
 
 
 def draw_positioning(panel: Axes, report: AxisReport) -> None:
-    """The runs as thin lines, the means as marks, and the band of two standard deviations."""
+    """Draw runs as thin lines, means as marks, and the band of two standard deviations."""
     main, hues = report.motions.main, chosen_hues()
     fine, scale = report.units(main)
     place = report.position_unit[1] * report.motions.targets
@@ -61,7 +63,7 @@ def draw_positioning(panel: Axes, report: AxisReport) -> None:
 
 
 def draw_means(panel: Axes, report: AxisReport, components: list[int]) -> None:
-    """Mean error motions with the band of their expanded uncertainties."""
+    """Draw mean error motions with the band of their expanded uncertainties."""
     fine, scale = report.units(components[0])
     place = report.position_unit[1] * report.motions.targets
     for n, dash in zip(components, DASHES, strict=False):
@@ -77,9 +79,9 @@ def draw_means(panel: Axes, report: AxisReport, components: list[int]) -> None:
 
 
 def axis_page(report: AxisReport, title: str, about: dict[str, str]) -> str:
-    """The page of a test: picture, quantities, error motions by position, and notes."""
+    """Write the page of a test: picture, quantities, error motions by position, and notes."""
     section, motions = report_page.ReportSection, report.motions
-    notes = report.notes() or ["Nothing was left out and nothing drifted."]
+    notes = report.notes() or ["No dwell was excluded, and no drift was found."]
     fine, scale = report.units(motions.main)
     rows = [
         (q.name, q.symbol, *value_cells(scale * q.value, scale * q.expanded))
@@ -111,7 +113,7 @@ def axis_page(report: AxisReport, title: str, about: dict[str, str]) -> str:
                 wide=True),
     ]  # fmt: skip
     words = (
-        f"{len(report.visits.target)} stands at {len(motions.targets)} positions; at each at least "
+        f"{len(report.visits.target)} dwells at {len(motions.targets)} positions; at each at least "
         f"{report.runs[0]} runs in the positive direction and {report.runs[1]} in the negative "
         f"one. {report.alignment()}"
     )
@@ -119,7 +121,7 @@ def axis_page(report: AxisReport, title: str, about: dict[str, str]) -> str:
 
 
 def other_rows(report: AxisReport) -> list[tuple[str, ...]]:
-    """The ranges and reversals of all error motions but positioning."""
+    """Return the ranges and reversals of all error motions except positioning."""
     rows: list[tuple[str, ...]] = []
     for n, name in enumerate(report.motions.names):
         if n == report.motions.main:
@@ -136,7 +138,7 @@ def other_rows(report: AxisReport) -> list[tuple[str, ...]]:
 
 
 def position_section(report: AxisReport) -> Any:
-    """The error motions by position."""
+    """Make the section of the error motions by position."""
     unit, factor = report.position_unit
     units = [report.units(n) for n in range(6)]
     heads = [
@@ -163,7 +165,7 @@ def position_section(report: AxisReport) -> Any:
 
 
 def value_cells(value: float, expanded: float) -> tuple[str, str]:
-    """A value and its uncertainty, which has two digits and as many decimals as the value."""
+    """Format a value and its uncertainty, which has two digits and the value's decimals."""
     if not np.isfinite(value):
         return "-", "-"
     if not expanded > 0:

@@ -21,16 +21,17 @@ if TYPE_CHECKING:
     from ...calibration.fitting.bundle_adjustment import Data
     from ...calibration.fitting.fit import Fit
 
-#: Ends of the scale of mean residuals, standard errors; parts of which a course shows the means.
-ENDS, COURSE_PARTS = 3.0, 12
+#: Ends of the scale of mean residuals, standard errors.
+ENDS = 3.0
+#: Number of parts of an axis whose mean residuals a line joins.
+LINE_PARTS = 12
 
 
 def residual_picture(data: Data, result: Fit, table: dict[str, NDArray[Any]]) -> Figure:
-    """Draw residuals over each detector's face, a row for each reading, and errors of held-back
-    poses.
+    """Draw residuals over the detectors' faces, and the errors of poses that were held back.
 
-    A cell's hue is the mean residual of the samples whose spots fell there over the standard error
-    of this mean: noise seldom exceeds 2, an unmodelled effect shows as patches.
+    The colour of a cell is the mean residual of the samples whose spots were there, over the
+    standard error of this mean. Noise seldom exceeds 2; an unmodelled effect shows as patches.
     """
     with style.style_context(axes__grid=False):
         picture = style.figure(style.FULL, 8.0)
@@ -50,24 +51,26 @@ def residual_picture(data: Data, result: Fit, table: dict[str, NDArray[Any]]) ->
     return picture
 
 
-def course_picture(data: Data, result: Fit) -> Figure:
-    """Draw mean residuals over their standard errors along each axis of the reference and along the
-    rows, a row of panels for each reading and a line for each detector.
+def residual_lines(data: Data, result: Fit) -> Figure:
+    """Draw mean residuals over their standard errors along the reference's axes and the rows.
 
-    What an unmodelled effect leaves follows a pose or the time; noise goes up and down about zero.
+    There is a row of panels for each reading, and a line for each detector.
+
+    The residuals of an unmodelled effect follow the pose or the time; noise scatters about zero.
     """
     hues = chosen_hues()
-    courses = [*(data.pose / FINE_UNITS[:6] / 1e3).T, row_numbers(data)]
+    abscissas = [*(data.pose / FINE_UNITS[:6] / 1e3).T, row_numbers(data)]
     names = [*(f"{name}, {'mm' if n < 3 else 'mrad'}" for n, name in enumerate(POSE)), "row"]
     with style.style_context():
         picture = style.figure(style.FULL, 4.6)
         panels: Any = picture.subplots(3, len(names), sharex="col", sharey=True)
-        for column, (course, name) in enumerate(zip(courses, names, strict=True)):
-            parts = np.array_split(np.argsort(course), COURSE_PARTS)
-            at = [course[part].mean() for part in parts]
-            for reading, left in enumerate(np.where(np.isfinite(data.raw), result.residuals, 0).T):
+        residuals = np.where(np.isfinite(data.raw), result.residuals, 0).T
+        for column, (abscissa, name) in enumerate(zip(abscissas, names, strict=True)):
+            parts = np.array_split(np.argsort(abscissa), LINE_PARTS)
+            places = [abscissa[part].mean() for part in parts]
+            for reading, values in enumerate(residuals):
                 panels[reading % 3, column].plot(
-                    at, [left[part].mean() * np.sqrt(len(part)) for part in parts], lw=0.9,
+                    places, [values[part].mean() * np.sqrt(len(part)) for part in parts], lw=0.9,
                     color=hues.detectors[DETECTORS[reading // 3]],
                     label=DETECTORS[reading // 3].upper(),
                 )  # fmt: skip
@@ -80,33 +83,33 @@ def course_picture(data: Data, result: Fit) -> Figure:
 
 
 def residual_drawing(data: Data, result: Fit, table: dict[str, NDArray[Any]]) -> str:
-    """The residuals by place on the detectors, by pose and by row, as SVG of a page."""
-    faces, courses = residual_picture(data, result, table), course_picture(data, result)
-    return inline(faces, "Residuals by place") + inline(courses, "Residuals by pose and row")
+    """Draw the residuals by place on the detectors, by pose and by row, as SVG of a page."""
+    faces, lines = residual_picture(data, result, table), residual_lines(data, result)
+    return inline(faces, "Residuals by place") + inline(lines, "Residuals by pose and row")
 
 
-def face(panel: Axes, spots: Floats, left: Floats, letter: str, kind: str) -> Any:
+def face(panel: Axes, spots: Floats, residuals: Floats, letter: str, kind: str) -> Any:
     """Draw mean residuals (n,) at spots (n, 2) over their standard errors, by cells."""
     from matplotlib.colors import TwoSlopeNorm
 
-    there = np.isfinite(spots).all(axis=1) & np.isfinite(left)
-    psi, zeta = spots[there].T
+    has_light = np.isfinite(spots).all(axis=1) & np.isfinite(residuals)
+    residuals, (psi, zeta) = residuals[has_light], spots[has_light].T
     image = panel.hexbin(
-        psi, zeta, C=left[there], gridsize=14, cmap=diverging(), lw=0.1, mincnt=1,
+        psi, zeta, C=residuals, gridsize=14, cmap=diverging(), lw=0.1, mincnt=1,
         reduce_C_function=lambda values: np.sum(values) / np.sqrt(len(values)),
         norm=TwoSlopeNorm(0, -ENDS, ENDS), rasterized=True,
     )  # fmt: skip
-    rms = np.sqrt(np.mean(left[there] ** 2)) if there.any() else np.nan
+    rms = np.sqrt(np.mean(residuals**2)) if has_light.any() else np.nan
     panel.set_title(f"{letter.upper()} {kind}, {rms:.2f}", color=chosen_hues().detectors[letter])
     panel.locator_params(nbins=4)
     panel.margins(0.06)
-    if not there.any():
+    if not has_light.any():
         style.say(panel, "no light")
     return image
 
 
 def diverging() -> Any:
-    """A colour map from blue over the ground's colour to red."""
+    """Return a colour map from blue over grey to red."""
     from matplotlib.colors import LinearSegmentedColormap
 
     middle = chosen_hues().rule
@@ -114,7 +117,7 @@ def diverging() -> Any:
 
 
 def draw_comparison(part: Any, table: dict[str, NDArray[Any]]) -> None:
-    """Errors of each axis before and after, on a logarithmic scale: they differ by hundreds."""
+    """Draw each axis's errors before and after, on a logarithmic scale: ratios reach hundreds."""
     hues = chosen_hues()
     panels = part.subplots(1, 2)
     for panel, rows in zip(panels, (range(3), range(3, 6)), strict=True):

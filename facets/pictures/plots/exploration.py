@@ -33,18 +33,20 @@ def front_picture(
     indices: dict[str, dict[str, Index]],
     present: dict[str, float] | None = None,
 ) -> Figure | None:
-    """Draw objectives against one another with the front marked; below, first-order Sobol indices.
+    """Draw objectives against one another with the front; below, first-order Sobol indices.
 
-    A third objective is the hue. Designs without all objectives are left out.  present: measures of
-    the present design, which is marked as well. Returns None if there is nothing to draw: fewer
-    than two designs with all objectives, or one objective and no indices.
+    A third objective is shown by colour. Designs that lack an objective are excluded. Returns None
+    if there is nothing to draw: fewer than two complete designs, or one objective and no indices.
+
+    present: measures of the present design, which is marked as well.
     """
-    known = np.all([np.isfinite(table[name]) for name in objectives], axis=0)
+    is_complete = np.all([np.isfinite(table[name]) for name in objectives], axis=0)
     views = [tuple(objectives)] if len(objectives) == 3 else list(pairwise(objectives))
-    if known.sum() < 2 or not (views or indices):
+    if is_complete.sum() < 2 or not (views or indices):
         return None
     others, front = (
-        {name: table[name][rows] for name in objectives} for rows in (known & ~best, known & best)
+        {name: table[name][rows] for name in objectives}
+        for rows in (is_complete & ~best, is_complete & best)
     )
     variables = len(next(iter(indices.values()))) if indices else 0
     heights = [3.3 * -(-len(views) // 2)] * bool(views) + [LANE * variables + 1.0] * bool(indices)
@@ -75,9 +77,9 @@ def draw_designs(
     part: Any, panel: Axes, view: tuple[str, ...], others: Table | None, front: Table,
     present: dict[str, float] | None, is_line: bool = False,
 ) -> None:  # fmt: skip
-    """Draw the front large, on other designs, and the present one as a star.
+    """Draw the front large over other designs, and the present design as a star.
 
-    view: the objectives along x and y, and the one that is the hue, if any.
+    view: the objectives along x and y and, if there are three, the one shown by colour.
     """
     hues, (x, y, *hue) = chosen_hues(), view
     options: dict[str, Any] = {"color": hues.grey}
@@ -103,7 +105,7 @@ def draw_designs(
 
 
 def draw_indices(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
-    """Draw indices by variable, a hue and a mark for each objective, with their intervals."""
+    """Draw indices by variable with their intervals; each objective has a colour and a mark."""
     hues = chosen_hues()
     variables = list(next(iter(indices.values())))
     step = 0.7 / len(indices)
@@ -127,8 +129,10 @@ def draw_indices(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
 def pareto_picture(
     table: Table, objectives: list[str], cloud: Table | None, present: dict[str, float]
 ) -> Figure:
-    """Draw the front's objectives against one another and the first one's prices below, with a
-    cloud of designs if there is one, and the present design."""
+    """Draw the front's objectives against one another, and the prices in the first one below.
+
+    cloud: other designs, if any.  present: the present design.
+    """
     has_line = len(objectives) == 2
     with style.style_context():
         picture = style.figure(style.FULL, 5.9 + 0.4 * (not has_line))
@@ -144,7 +148,7 @@ def pareto_picture(
 
 
 def draw_price(panel: Axes, table: Table, first: str, other: str, is_line: bool) -> None:
-    """Draw the price of another objective in the first one; at its ends the front is upright."""
+    """Draw the price of another objective in the first one, except at the ends of the front."""
     prices = table[f"{first}_per_{other}"][1:-1]
     paid = np.where(prices > 1e-9, prices, np.nan)
     mark = "o-" if is_line else "o"

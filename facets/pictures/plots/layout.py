@@ -1,4 +1,4 @@
-"""A picture of a layout's uncertainties and ranges, before and after."""
+"""The picture of a layout's uncertainties and ranges, before and after."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def layout_picture(table: dict[str, NDArray[Any]]) -> Figure:
-    """Draw the comparison of `verification.compare`: each axis after over before, and both numbers.
+    """Draw the comparison of `verification.compare`: each axis after over before, and both values.
 
-    The titles say in which direction a layout becomes better; the rings at 1 are the values before.
+    The titles state which direction is better; the rings at 1 are the values before.
     """
     hues = chosen_hues()
     marks: dict[str, dict[str, Any]] = {
@@ -53,12 +53,12 @@ def draw_steps(panel: Axes, table: dict[str, NDArray[Any]], kind: str, title: st
         _, name, unit = str(table["quantity"][n]).split("_")
         names.append(style.component_label(name))
         before, after, drawn = (float(table[key][n]) for key in ("before", "after", "simulated"))
-        share = after / before if before else np.nan
-        if np.isfinite(share):
-            panel.plot([1, share], [place, place], color=hues.axes[name], lw=1.4,
+        ratio = after / before if before else np.nan
+        if np.isfinite(ratio):
+            panel.plot([1, ratio], [place, place], color=hues.axes[name], lw=1.4,
                        solid_capstyle="butt", zorder=2)  # fmt: skip
             panel.plot(1, place, "o", color=hues.axes[name], ms=6, mfc=hues.ground, zorder=3)
-            panel.plot(share, place, "o", color=hues.axes[name], ms=6.5, zorder=3)
+            panel.plot(ratio, place, "o", color=hues.axes[name], ms=6.5, zorder=3)
         else:
             panel.annotate("no number", (0.03, place), xycoords=("axes fraction", "data"),
                            va="center", color=hues.soft, fontsize=style.LEAST)  # fmt: skip

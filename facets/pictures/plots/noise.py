@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.hues import DASHES, chosen_hues
 from ...core.names import ANGLES, POSE
-from ...core.units import Floats, write_micro
+from ...core.units import write_micro
 from ...noise_analysis.noise_model import fill
 from ...noise_analysis.rest import NOT_NOISE
 from .. import style
@@ -20,18 +20,20 @@ if TYPE_CHECKING:
 
     from ...noise_analysis.noise_report import Channel, NoiseReport
 
-#: Labels across and up, and the picture in words.
+#: Number of columns of a spectrum's band, equally wide on the logarithmic axis.
+COLUMNS = 140
+#: Labels of both axes, and the picture in words.
 SPECTRA = ("frequency, Hz", "amplitude density, {}/√Hz", "spectra of the noise")
 DEVIATIONS = ("averaging time, s", "Allan deviation, {}", "Allan deviations")
 
 
 def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
-    """The page of a recording's noise: channels, spectra, Allan deviations, correlations."""
+    """Write the page of a recording's noise: channels, spectra, Allan deviations, correlations."""
     section, readings, poses = report_page.ReportSection, report.channels[:9], report.channels[9:]
     words = (
         f"{report.samples} samples in {report.seconds:.4g} s at {report.rate:.6g} Hz, "
-        f"{report.missing} missing. What the mirror did while it was recorded is part of all this: "
-        "noise is what a mirror that stands still gives."
+        f"{report.missing} missing. Motion of the mirror during the recording is part of these "
+        "numbers: they are noise if the mirror was at rest."
     )
     common = f"The three powers have {1e6 * report.common:.3g} ppm in common (the laser)."
     if not report.faults:
@@ -44,10 +46,10 @@ def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
         section(
             "Channels",
             [
-                "Amplitudes with 95 % intervals. In the spectra a band reaches from the least to "
-                "the largest of neighbouring frequencies, the line is the fitted white and flicker "
-                "noise, and dotted is the configured noise as white: one standard deviation "
-                "squared over half the rate. Thin upright lines are found lines. Bands of the "
+                "Amplitudes have 95 % intervals. In the spectra, bands reach from the minimum to "
+                "the maximum of neighbouring frequencies, lines are the fitted white and flicker "
+                "noise, dotted lines the configured noise as white noise (its variance over half "
+                "the rate), and thin vertical lines the detected spectral lines. Bands of the "
                 "Allan deviations are 95 % intervals."
             ],
             ("channel", "white /√Hz", "flicker at 1 Hz /√Hz", "drift /s", "1 sigma", "configured",
@@ -77,7 +79,7 @@ def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
 
 
 def channel_cells(channel: Channel) -> tuple[str, ...]:
-    """The row of a channel in the page's table."""
+    """Return the cells of a channel's row in the table."""
     model = channel.model
     lines = "; ".join(
         f"{line.name + ': ' if line.name != 'unknown' else ''}{line.amplitude.value:.3g} at "
@@ -100,9 +102,9 @@ def amplitude(density: Any) -> str:
 def draw_groups(
     channels: list[Channel], draw: Callable[[Axes, Channel], None], across: str, up: str, words: str
 ) -> str:  # fmt: skip
-    """Draw channels on logarithmic scales, a panel for each group, as an SVG element.
+    """Draw channels on logarithmic scales, one panel for each group, as an SVG element.
 
-    across, up: labels, the second one with {} for the unit.
+    across, up: labels of the axes, the second one with {} for the unit.
     """
     groups = group_channels(channels)
     rows = -(-len(groups) // 2)
@@ -122,8 +124,7 @@ def draw_groups(
 
 
 def draw_spectrum(panel: Axes, channel: Channel) -> None:
-    """Draw the measured spectrum as a band, the fitted noise, the configured noise dotted, and
-    found lines."""
+    """Draw a channel's spectrum as a band, its fitted and configured noise, and its lines."""
     from scipy.signal import welch
 
     rate, line = channel.model.rate, line_of(channel.name)
@@ -131,14 +132,16 @@ def draw_spectrum(panel: Axes, channel: Channel) -> None:
     signal = fill(channel.signal) - channel.model.mean
     piece = 1 << max(6, int(np.log2(len(signal) / 8)))
     frequency, power = welch(signal, rate, nperseg=min(piece, len(signal)))
-    band = columns(frequency[1:], np.sqrt(power[1:]))
+    frequency, density = frequency[1:], np.sqrt(power[1:])
+    edges = np.geomspace(frequency[0], frequency[-1], COLUMNS + 1)[1:-1]
+    band = style.band(frequency, density, np.unique(np.searchsorted(frequency, edges)))
     panel.fill_between(band.time, band.low, band.high, color=hue, alpha=0.35, lw=0)
     panel.plot(band.time, band.middle, color=hue, lw=0.5, alpha=0.7)
     panel.plot(band.time, np.sqrt(channel.model.density(band.time)), lw=1.6, **line)
     level = channel.configured * np.sqrt(2 / rate)
     panel.plot(band.time[[0, -1]], [level, level], color=hue, ls=(0, (1, 1.5)), lw=1.4)
-    for found in channel.model.lines[:5]:
-        panel.axvline(found.frequency, color=chosen_hues().rule, lw=1.0, zorder=0)
+    for peak in channel.model.lines[:5]:
+        panel.axvline(peak.frequency, color=chosen_hues().rule, lw=1.0, zorder=0)
 
 
 def draw_deviation(panel: Axes, channel: Channel) -> None:
@@ -146,15 +149,6 @@ def draw_deviation(panel: Axes, channel: Channel) -> None:
     allan, line = channel.allan, line_of(channel.name)
     panel.fill_between(allan.tau, allan.low, allan.high, color=line["color"], alpha=0.2, lw=0)
     panel.plot(allan.tau, allan.deviation, **line)
-
-
-def columns(frequency: Floats, density: Floats, count: int = 140) -> style.Band:
-    """Return least, largest and median in columns that are equally wide on a logarithmic axis."""
-    edges = np.geomspace(frequency[0], frequency[-1] * (1 + 1e-9), count + 1)
-    which = np.digitize(frequency, edges)
-    rows = [(np.sqrt(edges[n - 1] * edges[n]), *style.ends(density[which == n]))
-            for n in np.unique(which)]  # fmt: skip
-    return style.Band(*np.array(rows).T)
 
 
 def line_of(column: str) -> dict[str, Any]:

@@ -18,13 +18,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Dashes by cause, in the order of `ranges.CAUSES`, beside their hues.
+#: Dashes by cause, in the order of `ranges.CAUSES`.
 DASHES = (
     "-", (0, (5, 1.5)), (0, (3, 1, 1, 1, 1, 1)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)),
 )  # fmt: skip
-#: Values inside a range that differ by no more than this share are written as one number, of three
-#: digits.
-SAME_SHARE = 5e-3
+#: Relative difference up to which the values inside a range are written as one number.
+SAME_RATIO = 5e-3
 #: Height of a panel in its widths, by the number of panels in a row.
 PANEL_HEIGHTS = {1: 0.8, 2: 0.85, 3: 0.92}
 
@@ -34,10 +33,10 @@ def ranges_picture(
     inside: Sequence[tuple[Floats, Floats, Floats]] = (),
     what: str = "",
 ) -> Figure:
-    """Draw outlines coloured by cause, a panel each.
+    """Draw outlines coloured by cause, one in each panel.
 
-    inside: for each, (x, y, values) of the map within, as of `map_inside`; or nothing at all.
-    what: the quantity of the maps.
+    inside: for each outline, the map (x, y, values) within, see `map_inside`; or none.  what:
+    quantity of the maps.
     """
     columns = min(len(boundaries), 3)
     rows = -(-len(boundaries) // columns)
@@ -59,7 +58,7 @@ def ranges_picture(
 
 
 def line_of(cause: int) -> dict[str, Any]:
-    """Return hue and dash of a range's end, by its cause; -1 for no limit."""
+    """Return the colour and dashes of a range's end by its cause, -1 for no limit."""
     hues = chosen_hues()
     if cause < 0:
         return {"color": hues.grey, "ls": "-", "lw": 1.8}
@@ -68,7 +67,7 @@ def line_of(cause: int) -> dict[str, Any]:
 
 
 def outline(panel: Axes, boundary: Boundary) -> None:
-    """Draw the range: filled, with its rim by cause; a cross at rest."""
+    """Draw a range, filled, with its rim by cause and a cross at rest."""
     factors = np.array([style.unit_of(name).factor for name in boundary.axes])
     points = boundary.points * factors
     hues = chosen_hues()
@@ -107,8 +106,10 @@ def map_values(
     inside: Sequence[tuple[Floats, Floats, Floats]],
     what: str,
 ) -> None:
-    """Draw the maps of a quantity inside the ranges, in one scale of colours; write it where it is
-    the same everywhere."""
+    """Draw maps of a quantity inside the ranges on one scale of colours.
+
+    Where the quantity is the same everywhere, its value is written instead.
+    """
     label, words = "log10 of the condition", "condition\nis $10^{{{:.3g}}}$\n\neverywhere\n"
     if what != "condition":
         unit = style.unit_of(what).fine_unit
@@ -117,7 +118,7 @@ def map_values(
         np.array([end.reduce(values, axis=None) for *_, values in inside])
         for end in (np.fmin, np.fmax)
     )
-    differs = high > (1 + SAME_SHARE) * low
+    differs = high > (1 + SAME_RATIO) * low
     image = None
     for n, (panel, boundary, (x, y, values)) in enumerate(
         zip(panels, boundaries, inside, strict=True)

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def budget_picture(resolutions: Sequence[Resolution]) -> Figure:
-    """Draw uncertainties at rest and at worst, and beside them the shares of the variance at rest.
+    """Draw uncertainties at rest and at worst, and the fractions of the variance at rest.
 
-    Shifts stand left, angles right; each way of solving has a lane.
+    Shifts are on the left, angles on the right; each way of solving has a lane.
     """
     lanes = len(resolutions) + 1
     ways = [resolution.how.name for resolution in resolutions]
@@ -40,7 +40,7 @@ def budget_picture(resolutions: Sequence[Resolution]) -> Figure:
             unit = unit_of(names[0]).fine_unit
             values.set(xscale="log", xlabel=f"uncertainty, {unit}")
             style.plain_log(values.xaxis)
-            shares.set(xlim=(0, 100), xticks=(0, 100), xlabel="share, %")
+            shares.set(xlim=(0, 100), xticks=(0, 100), xlabel="part, %")
         for panel in panels:
             panel.spines["left"].set_visible(False)
             panel.tick_params(left=False, labelleft=panel is panels[0])
@@ -49,14 +49,14 @@ def budget_picture(resolutions: Sequence[Resolution]) -> Figure:
 
 
 def heading(panel: Axes, place: float, text: str) -> None:
-    """Name the axis of the lanes below."""
+    """Draw the heading of the lanes below."""
     panel.annotate(text, (0, place), (3, 0), xycoords=("axes fraction", "data"), va="center",
                    textcoords="offset points", fontsize=style.LEAST, fontweight="bold")  # fmt: skip
     panel.axhspan(place - 0.5, place + 0.5, color=chosen_hues().rule, alpha=0.5, lw=0)
 
 
 def draw_range(panel: Axes, place: float, resolution: Resolution, name: str) -> None:
-    """Draw a lane from the uncertainty at rest to the worst in the axis's range."""
+    """Draw a line from the uncertainty at rest to the largest in the axis's range."""
     hues, i = chosen_hues(), POSE.index(name)
     factor = unit_of(name).fine_factor
     rest, worst = factor * resolution.nominal[i], factor * resolution.worst[i]
@@ -66,18 +66,18 @@ def draw_range(panel: Axes, place: float, resolution: Resolution, name: str) -> 
 
 
 def draw_shares(panel: Axes, place: float, resolution: Resolution, name: str) -> None:
-    """Stack the shares of the variance at rest, a colour for each source."""
+    """Stack the fractions of the variance at rest, with one colour for each source."""
     start = 0.0
-    for n, share in enumerate(100 * resolution.shares[POSE.index(name)]):
-        panel.barh(place, share, 0.6, start, **look(n))
-        start += share
+    for n, percent in enumerate(100 * resolution.shares[POSE.index(name)]):
+        panel.barh(place, percent, 0.6, start, **bar_style(n))
+        start += percent
 
 
-def look(source: int) -> dict[str, Any]:
-    """The bar of a source; those beyond the colours are hatched."""
+def bar_style(source: int) -> dict[str, Any]:
+    """Return the style of a source's bar, which is hatched once the colours are used up."""
     hues = chosen_hues()
-    again, n = divmod(source, len(hues.series))
-    return {"color": hues.series[n], "hatch": again * "////", "edgecolor": hues.ground, "lw": 0}
+    cycle, n = divmod(source, len(hues.series))
+    return {"color": hues.series[n], "hatch": cycle * "////", "edgecolor": hues.ground, "lw": 0}
 
 
 def draw_legend(picture: Figure, panels: Sequence[Axes], resolutions: Sequence[Resolution]) -> None:
@@ -86,8 +86,8 @@ def draw_legend(picture: Figure, panels: Sequence[Axes], resolutions: Sequence[R
     values.plot([], [], "o", color=ink, ms=5, label="at rest")
     values.plot([], [], "|", color=ink, ms=8, mew=1.4, label="at worst in the axis's range")
     for n, source in enumerate(dict.fromkeys(s for each in resolutions for s in each.sources)):
-        shares.barh(0, 0, label=source, **look(n))
-    made = style.panels_legend(picture, [values, shares], 4)
+        shares.barh(0, 0, label=source, **bar_style(n))
+    legend = style.panels_legend(picture, [values, shares], 4)
     whose = "" if resolutions[0].object is None else "displacement of the object: "
-    made.set_title(f"{whose}standard uncertainties, and shares of the variance at rest",
+    legend.set_title(f"{whose}standard uncertainties, and fractions of the variance at rest",
                    {"size": style.LEAST})  # fmt: skip

@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: The sensor's noise alone stays below this factor of its root mean square in 95 % of the lines.
+#: Factor of its root mean square below which the sensor's noise stays in 95 % of the lines.
 NOISE_95 = float(np.sqrt(-np.log(0.05)))
-#: Lines above this number are drawn as pixels in vector formats.
+NOISE_LABEL = "sensor's noise alone (95 %)"
+#: Number of spectral lines above which they are drawn as pixels in vector formats.
 VECTOR_LINES = 4000
 #: Height of the panels of size, phase and coherence.
 HEIGHTS = (3.0, 1.0, 1.0)
@@ -27,25 +28,26 @@ HEIGHTS = (3.0, 1.0, 1.0)
 def response_picture(
     response: FrequencyResponse, unit: str, title: str, bandwidth: float
 ) -> Figure:
-    """Draw the responses of the six axes; shifts left, angles right.
+    """Draw the responses of the six axes, shifts on the left and angles on the right.
 
-    unit: of the input.  bandwidth: of the electronics, Hz.
+    unit: unit of the input.  bandwidth: bandwidth of the electronics, Hz.
     """
     with style.style_context():
         picture = style.figure(style.FULL, 10.2)
         picture.suptitle(title, x=0.01, ha="left")
         cells = picture.add_gridspec(3, 2)
-        groups = ([n for n in POSE if n not in ANGLES], list(ANGLES))
+        groups, labelled = ([n for n in POSE if n not in ANGLES], list(ANGLES)), []
         for column, names in enumerate(groups):
             for row, name in enumerate(names):
                 inner = cells[row, column].subgridspec(3, 1, height_ratios=HEIGHTS, hspace=0.0)
                 panels: Any = inner.subplots(sharex=True)
                 draw_axis(panels, response, name, unit, bandwidth)
+                labelled += list(panels)
                 if row < 2:
                     panels[2].tick_params(labelbottom=False)
                 else:
                     panels[2].set_xlabel("frequency, Hz")
-        legend(picture, response, bandwidth)
+        style.panels_legend(picture, labelled, 2)
     return picture
 
 
@@ -65,8 +67,8 @@ def draw_axis(
     draw_coherence(coherences, response, n, line)
     if bandwidth < frequency[-1]:
         sizes.axvline(bandwidth, color=chosen_hues().alarm, ls="--", lw=1.0)
-    known = frequency[response.is_excited]
-    shown = max(frequency[0], 0.7 * known.min()), min(frequency[-1], 1.3 * known.max())
+    excited = frequency[response.is_excited]
+    shown = max(frequency[0], 0.7 * excited.min()), min(frequency[-1], 1.3 * excited.max())
     for panel in panels:
         panel.set_xlim(*shown)
         shade(panel, frequency, ~response.is_excited)
@@ -84,12 +86,15 @@ def draw_size(
     smallest = np.median(floor[excited]), size[is_seen].min(initial=np.inf), np.median(size)
     ends = 0.2 * float(np.nanmin(smallest)), 2 * float(np.nanmax(size[excited]))
     panel.set(yscale="log", xscale="log")
-    panel.fill_between(frequency, ends[form.is_inverse], floor, color=hues.grey, alpha=0.45, lw=0)
+    panel.fill_between(frequency, ends[form.is_inverse], floor, color=hues.grey, alpha=0.45, lw=0,
+                       label=NOISE_LABEL if np.isfinite(floor).any() else None)  # fmt: skip
     panel.fill_between(frequency, size * np.maximum(1 - half, 1e-3), size * (1 + half),
-                       alpha=0.25, lw=0, where=is_seen, **line)  # fmt: skip
-    panel.plot(frequency, keep(h2, is_seen), lw=0.5, **line | {"color": hues.ink})
-    panel.plot(frequency, size, lw=0.5, **line | {"color": hues.grey})
-    panel.plot(frequency, keep(size, is_seen), **line)
+                       alpha=0.25, lw=0, where=is_seen, label="random error of H1 (95 %)",
+                       **line)  # fmt: skip
+    panel.plot(frequency, keep(h2, is_seen), lw=0.5, label="H2", **line | {"color": hues.ink})
+    panel.plot(frequency, size, lw=0.5, label="H1 where not significant",
+               **line | {"color": hues.grey})  # fmt: skip
+    panel.plot(frequency, keep(size, is_seen), label="H1", **line)
     if ends[1] > 0:  # an axis that is zero in all rows has no size to show
         panel.set_ylim(*ends)
 
@@ -104,7 +109,8 @@ def draw_phase(
     panel.plot(frequency, keep(angle, is_seen), ".", ms=1.2, **line)
     lag = np.degrees(np.angle(low_pass(frequency, bandwidth)))
     sign = -1 if response.form.is_inverse else 1
-    panel.plot(frequency, sign * lag, "--", color=chosen_hues().alarm, lw=1.0)
+    panel.plot(frequency, sign * lag, "--", color=chosen_hues().alarm, lw=1.0,
+               label=f"low pass of the electronics, {bandwidth:.4g} Hz")  # fmt: skip
     panel.set(ylim=(-200, 200), yticks=(-180, 0, 180), ylabel="phase, °")
 
 
@@ -112,44 +118,22 @@ def draw_coherence(panel: Axes, response: FrequencyResponse, n: int, line: dict[
     hues = chosen_hues()
     panel.plot(response.frequency, response.coherence[:, n], lw=0.7, **line)
     if response.multiple_coherence is not None:
-        panel.plot(response.frequency, response.multiple_coherence[:, n], color=hues.ink, lw=0.5)
-    panel.axhline(response.significant_coherence, color=hues.grey, lw=0.8)
+        panel.plot(response.frequency, response.multiple_coherence[:, n], color=hues.ink, lw=0.5,
+                   label="coherence with all inputs (multiple)")  # fmt: skip
+    panel.axhline(response.significant_coherence, color=hues.grey, lw=0.8,
+                  label="coherence by chance")  # fmt: skip
     panel.set(ylim=(0, 1.05), yticks=(0, 0.5), ylabel="coher.")
 
 
 def keep(values: Floats, chosen: Booleans) -> Floats:
-    """The chosen values, NaN elsewhere."""
+    """Return the chosen values, NaN elsewhere."""
     return np.where(chosen, values, np.nan)
 
 
-def shade(panel: Axes, frequency: Floats, dark: Booleans) -> None:
-    """Hatch the bands where the input has no power."""
-    panel.fill_between(frequency, 0, 1, where=dark, transform=panel.get_xaxis_transform(),
-                       facecolor="none", edgecolor=chosen_hues().rule, hatch="////",
-                       lw=0)  # fmt: skip
-
-
-def legend(picture: Figure, response: FrequencyResponse, bandwidth: float) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    hues = chosen_hues()
-    handles: list[Any] = [
-        Line2D([], [], color=hues.axes["tx"]),
-        Patch(color=hues.axes["tx"], alpha=0.25),
-        Line2D([], [], color=hues.ink, lw=0.5),
-        Line2D([], [], color=hues.grey, lw=0.8),
-    ]
-    texts = ["H1", "its 95 % random error", "H2", "H1, and coherence, as large as by chance"]
-    if np.isfinite(response.noise_density).any():
-        handles.append(Patch(color=hues.grey, alpha=0.45))
-        texts.append("the sensor's noise alone (95 %)")
-    if response.multiple_coherence is not None:
-        handles.append(Line2D([], [], color=hues.ink, lw=0.5))
-        texts.append("coherence with all inputs (multiple)")
-    if not response.is_excited.all():
-        handles.append(Patch(facecolor="none", edgecolor=hues.rule, hatch="////"))
-        texts.append("hardly any input")
-    handles.append(Line2D([], [], color=hues.alarm, ls="--", lw=1.0))
-    texts.append(f"low pass of the electronics, {bandwidth:.4g} Hz")
-    style.legend_below(picture, handles, texts, 2)
+def shade(panel: Axes, frequency: Floats, is_unexcited: Booleans) -> None:
+    """Hatch the bands in which the input has hardly any power."""
+    label = "hardly any input" if is_unexcited.any() else None
+    panel.fill_between(
+        frequency, 0, 1, where=is_unexcited, label=label, transform=panel.get_xaxis_transform(),
+        facecolor="none", edgecolor=chosen_hues().rule, hatch="////", lw=0,
+    )  # fmt: skip

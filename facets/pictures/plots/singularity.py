@@ -24,10 +24,8 @@ DETERMINANT = "determinant, units of mm, mW, rad"
 def survey_picture(survey: Survey, pair: AmbiguousPair | None = None) -> Figure:
     """Draw the determinant (as Fig. 4) and the smallest singular value against the apex's offset.
 
-    pair: two states with the same readings, if there are any.
+    pair: two states with the same readings, if any were found.
     """
-    from matplotlib.ticker import LogLocator, NullFormatter
-
     rows = 1 if pair is None else 2
     with style.style_context(axes__grid=False):
         picture = style.figure(style.FULL, 2.9 * rows + 0.2)
@@ -41,16 +39,14 @@ def survey_picture(survey: Survey, pair: AmbiguousPair | None = None) -> Figure:
         )  # fmt: skip
         for image, panel in zip((first, second), panels[0], strict=True):
             bar = style.colour_bar(picture, image, panel, "states in a cell", aspect=30)
-            bar.ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-            bar.ax.yaxis.set_major_formatter("{x:g}")
-            bar.ax.yaxis.set_minor_formatter(NullFormatter())
+            style.plain_log(bar.ax.yaxis)
         if pair is not None:
             draw_path_between_pair(panels[1], pair)
     return picture
 
 
 def density(picture: Figure, panel: Axes, x: Floats, y: Floats, counts: Floats) -> Any:
-    """Draw the number of states by cell, empty cells transparent, and a line at zero in reach."""
+    """Draw the number of states in each cell, empty cells transparent, and a line at zero."""
     from matplotlib.colors import LogNorm
 
     shown = np.ma.masked_equal(counts.T, 0)
@@ -73,7 +69,7 @@ def zero(panel: Axes, text: str) -> None:
 
 
 def draw_path_between_pair(panels: NDArray[np.object_], pair: AmbiguousPair) -> None:
-    """Draw, along the line between two states, their readings' difference and the determinant."""
+    """Draw the difference of readings and the determinant along the line between two states."""
     hues = chosen_hues()
     first, second = panels
     first.plot(pair.share, pair.apart, color=hues.accent)

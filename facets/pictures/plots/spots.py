@@ -44,23 +44,21 @@ def spots_picture(sensor: Sensor, state: Floats) -> Figure:
 
 
 def light_on(psd: Psd, reading: Floats) -> str:
-    """Return a detector's title from its (psi, zeta, power)."""
+    """Return the title of a detector's panel from its reading (psi, zeta, power)."""
     psi, zeta, power = reading[:3]
     if np.isnan(power):
         return "no light"
-    beside = abs(psi) > psd.size_y / 2 or abs(zeta) > psd.size_z / 2
-    return f"{1e3 * power:.1f} µW" + (" beside it" if beside else "")
+    is_outside = abs(psi) > psd.size_y / 2 or abs(zeta) > psd.size_z / 2
+    return f"{1e3 * power:.1f} µW" + (", outside it" if is_outside else "")
 
 
 def face(panel: Axes, psd: Psd, spot: SpotLight, centroid: Floats, letter: str) -> None:
-    """Draw the whole sensitive area."""
+    """Draw the sensitive area with the spot."""
     from matplotlib.patches import Rectangle
 
     hues = chosen_hues()
     corner = (-psd.size_y / 2, -psd.size_z / 2)
-    panel.add_patch(Rectangle(corner, psd.size_y, psd.size_z, facecolor=hues.rule, alpha=0.45,
-                              edgecolor="none"))  # fmt: skip
-    panel.add_patch(Rectangle(corner, psd.size_y, psd.size_z, fill=False,
+    panel.add_patch(Rectangle(corner, psd.size_y, psd.size_z, facecolor=(hues.rule, 0.45),
                               edgecolor=hues.detectors[letter], lw=1.8))  # fmt: skip
     if spot.grid.size:
         shine(panel, spot)
@@ -73,7 +71,7 @@ def face(panel: Axes, psd: Psd, spot: SpotLight, centroid: Floats, letter: str) 
 
 
 def shine(panel: Axes, spot: SpotLight) -> Any:
-    """Draw the spot's irradiance, transparent where there is no light."""
+    """Draw the spot's irradiance, transparent without light."""
     light = np.ma.masked_less(spot.light, 0.004)
     return panel.pcolormesh(*spot.grid.transpose(2, 0, 1), light, cmap="inferno", vmin=0, vmax=1,
                             shading="gouraud", rasterized=True)  # fmt: skip
@@ -85,7 +83,7 @@ def write(panel: Axes, text: str, place: Floats, degrees: float = 0.0) -> None:
 
 
 def large(panel: Axes, spot: SpotLight, centroid: Floats, letter: str) -> Any:
-    """Draw the spot with its centroid R, the images of apex Q and beam S, and the cut circle."""
+    """Draw a spot with its centroid R, the images of apex (Q) and beam (S), and the circle."""
     hues = chosen_hues()
     image = shine(panel, spot) if spot.grid.size else None
     panel.plot(*spot.circle.T, "--", color=hues.grey, lw=1, label="the beam's 1/e² circle")
@@ -103,7 +101,7 @@ def large(panel: Axes, spot: SpotLight, centroid: Floats, letter: str) -> Any:
 
 
 def plan_picture(sensor: Sensor, state: Floats) -> Figure:
-    """Draw the plan from above, with dimensions, to scale except for the mirror."""
+    """Draw the plan with dimensions, to scale except for the mirror."""
     posed, hues = PosedSensor.from_state(sensor, state), chosen_hues()
     far = max(psd.radius for psd in sensor.psds)
     with style.style_context(axes__grid=False):

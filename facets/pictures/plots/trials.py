@@ -1,4 +1,4 @@
-"""A picture of trials of a measurement beside the linear result."""
+"""A picture of trials of a measurement together with the linear result."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Trials that are drawn.
+#: Number of trials that are drawn.
 DRAWN = 4000
-#: Of the numbers along an axis of the picture, the share that is shown.
-SHOWN_SHARE = 0.998
+#: Fraction of the trials that the limits of an axis include.
+SHOWN_FRACTION = 0.998
 
 
 def trials_picture(results: dict[str, PropagationResult]) -> Figure:
-    """Draw trials of the pose at which the linear result is farthest off, along the two axes that
-    differ most, and above them the distribution along the first of these."""
+    """Draw trials of the pose for which the linear result is worst.
+
+    A plane shows the two axes that differ most, and above it the distribution along the first.
+    """
     where = max(results, key=lambda name: largest_difference(results[name]).max())
     result = results[where]
     first, second = np.argsort(-largest_difference(result), kind="stable")[:2].tolist()
@@ -45,8 +47,10 @@ def trials_picture(results: dict[str, PropagationResult]) -> Figure:
 
 
 def largest_difference(result: PropagationResult) -> Floats:
-    """How far the ends of the intervals differ from the linear ones, (6,), in standard
-    uncertainties."""
+    """Return the differences of the intervals' ends from the linear ones, (6,).
+
+    Unit: standard uncertainties.
+    """
     low, high = result.linear_interval
     off = np.maximum(np.abs(result.symmetric.low - low), np.abs(result.symmetric.high - high))
     relative: Floats = np.nan_to_num(off / result.linear.uncertainty[0], nan=np.inf)
@@ -54,7 +58,7 @@ def largest_difference(result: PropagationResult) -> Floats:
 
 
 def offsets(result: PropagationResult, axis: int) -> Floats:
-    """The trials beside the estimate along an axis, um or urad."""
+    """Return the trials' offsets from the estimate along an axis, µm or µrad."""
     relative: Floats = result.trials.poses[:, axis] - result.linear.pose[0, axis]
     return relative * unit_of(POSE[axis]).fine_factor
 
@@ -70,14 +74,14 @@ def draw_plane(panel: Axes, result: PropagationResult, axes: tuple[int, int]) ->
     ellipse = linear_region(result, axes)
     text = f"linear region, {100 * result.probability:g} %"
     panel.add_collection(LineCollection([ellipse.T], colors=hues.accent, lw=1.6, label=text))
-    low, high = np.quantile(places, [(1 - SHOWN_SHARE) / 2, (1 + SHOWN_SHARE) / 2], axis=0)
+    low, high = np.quantile(places, [(1 - SHOWN_FRACTION) / 2, (1 + SHOWN_FRACTION) / 2], axis=0)
     low, high = np.minimum(low, ellipse.min(axis=1)), np.maximum(high, ellipse.max(axis=1))
     ends = np.stack([low - 0.05 * (high - low), high + 0.05 * (high - low)], axis=1)
     panel.set(xlim=ends[0], ylim=ends[1], xlabel=label(axes[0]), ylabel=label(axes[1]))
 
 
 def linear_region(result: PropagationResult, axes: tuple[int, int]) -> Floats:
-    """The rim of the linear region of two axes, (2, n), beside the estimate, um or urad."""
+    """Return the rim of the linear region of two axes, (2, n), from the estimate, µm or µrad."""
     assert result.linear.covariance is not None
     factors = [unit_of(POSE[axis]).fine_factor for axis in axes]
     covariance = result.linear.covariance[0][np.ix_(axes, axes)] * np.outer(factors, factors)
@@ -89,20 +93,20 @@ def linear_region(result: PropagationResult, axes: tuple[int, int]) -> Floats:
 
 
 def label(axis: int) -> str:
-    """The label of an axis of the picture: "shift in x beside the estimate, µm"."""
+    """Label an axis of the picture: "shift in x from the estimate, µm"."""
     name = POSE[axis]
-    return f"{style.component_label(name)} beside the estimate, {unit_of(name).fine_unit}"
+    return f"{style.component_label(name)} from the estimate, {unit_of(name).fine_unit}"
 
 
 def draw_distribution(panel: Axes, result: PropagationResult, axis: int) -> None:
-    """Draw the trials' density along an axis, the linear one, and both coverage intervals."""
+    """Draw both densities along an axis, of trials and linear, and both coverage intervals."""
     hues, values = chosen_hues(), offsets(result, axis)
     factor, place = unit_of(POSE[axis]).fine_factor, result.linear.pose[0, axis]
 
     def offset_ends(ends: Sequence[Floats]) -> list[float]:
         return [factor * (end[axis] - place) for end in ends]
 
-    low, high = np.quantile(values, [(1 - SHOWN_SHARE) / 2, (1 + SHOWN_SHARE) / 2])
+    low, high = np.quantile(values, [(1 - SHOWN_FRACTION) / 2, (1 + SHOWN_FRACTION) / 2])
     count = int(np.clip(len(values) ** 0.4, 20, 120))
     density, edges = np.histogram(values, count, (low, high))
     density = density / (len(values) * (edges[1] - edges[0]))
@@ -120,7 +124,7 @@ def draw_distribution(panel: Axes, result: PropagationResult, axis: int) -> None
 
 
 def draw_interval(panel: Axes, height: float, ends: Sequence[float], hue: str, whose: str) -> None:
-    """Draw an interval below the densities, with the numbers of its ends if it has any."""
+    """Draw an interval below the densities with its ends' values, if it is finite."""
     if not np.isfinite(ends).all():
         return
     panel.plot(ends, [height, height], "|-", color=hue, lw=1.6, ms=7, label=f"interval, {whose}")

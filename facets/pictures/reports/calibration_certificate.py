@@ -1,4 +1,4 @@
-"""The calibration certificate of `facets calibrate --report`: one page on a calibration."""
+"""The calibration certificate that `facets calibrate --report` writes: one page."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ CONDITIONS = {
     "humidity": ("relative humidity", "%"),
     "pressure": ("air pressure", "hPa"),
 }
-#: Correlations of parameters that the page lists: the largest, and the least that counts.
+#: Maximum number of correlated pairs of parameters on the page, and the minimum coefficient.
 MOST_PAIRS, LEAST_CORRELATION = 20, 0.5
 STATES = (
     "This page states the parameters that facets fitted to the data named below, with their "
@@ -66,7 +66,7 @@ DOES_NOT_STATE = (
 
 
 class ReportFiles(NamedTuple):
-    """The page to write, and the files read and written, whose checksums it states."""
+    """The page, and the files read and written, whose checksums it states."""
 
     page: Path
     sources: list[Path]
@@ -76,7 +76,10 @@ class ReportFiles(NamedTuple):
 def write_report(
     settings: Config, calibrated: Config, verdict: Verdict, drawing: str, files: ReportFiles
 ) -> None:
-    """Write the page.  calibrated: the written configuration.  drawing: of the residuals."""
+    """Write the page.
+
+    calibrated: the written configuration.  drawing: SVG of the residuals.
+    """
     statement = settings.calibrate.statement
     what = statement.sensor or settings.name
     summary, warning = "The checks of this calibration found no reason to reject it.", ""
@@ -103,16 +106,17 @@ def sections(
 ) -> list[ReportSection]:
     assert verdict.fit is not None
     assert verdict.search is not None
-    statement, asked = settings.calibrate.statement, settings.calibrate
+    requests = settings.calibrate
+    statement = requests.statement
     budget = budgets.calibration_budget(
-        verdict.search.sensor, verdict.fitted, verdict.fit, calibrated.sensor, asked.outliers
+        verdict.search.sensor, verdict.fitted, verdict.fit, calibrated.sensor, requests.outliers
     )
     states = budgets.fitted_states(verdict.fitted, verdict.fit)
-    whole = budgets.pose_covariances(
+    covariances = budgets.pose_covariances(
         calibrated.sensor, budget, np.vstack([np.zeros(8), states]),
         calibrated.solve.knowledge(calibrated.sensor),
     )  # fmt: skip
-    parts = {source: np.diagonal(part, axis1=1, axis2=2) for source, part in whole.items()}
+    parts = {source: np.diagonal(part, axis1=1, axis2=2) for source, part in covariances.items()}
     findings = [
         ("not passed: " if finding.bad else "") + finding.words for finding in verdict.findings
     ]
@@ -123,24 +127,24 @@ def sections(
                       wide=True),
         ReportSection("Conditions", rows=condition_rows(statement, verdict)),
         ReportSection("Reference's standard uncertainty", ("Entered by the user.",),
-                ("axis", "u"), reference_rows(asked.reference)),
+                ("axis", "u"), reference_rows(requests.reference)),
         parameter_section(verdict, budget, calibrated.sensor),
         pose_section(budget, parts),
         ReportSection("Uncertainty budget of a pose",
-                ("Share of each source in the variance that the calibration causes, at rest, %. "
-                 "The noise of later readings comes on top (facets resolution).",),
+                ("Fraction of each source in the variance that the calibration causes, at rest, %. "
+                 "The noise of later readings is additional (facets resolution).",),
                 ("source", *POSE), budget_rows(parts), wide=True),
         ReportSection("Check on samples that were not fitted",
                 ("Errors of solved poses against the reference: robust estimate, stated standard "
-                 "uncertainty, and share within 95 % intervals.",),
+                 "uncertainty, and fraction within 95 % intervals.",),
                 ("axis", "error", "stated", "unit", "held, %"), error_rows(verdict.errors)),
         ReportSection("Residuals",
-                ("Over each detector's face, and along the pose and the rows: noise has no shape "
-                 "there.",),
+                ("Over each detector's face, and along the pose and the rows; noise shows no "
+                 "pattern.",),
                 drawing=drawing, wide=True),
         ReportSection("Correlations of poses",
-                ("Coefficients of what the calibration causes, at rest.",), ("", *POSE),
-                pose_correlations(whole)),
+                ("Coefficients of the errors that the calibration causes, at rest.",), ("", *POSE),
+                pose_correlations(covariances)),
         correlation_section(calibrated),
         ReportSection("Validity", ("The sensor was calibrated within these ranges.",),
                 ("quantity", "from", "to", "unit"),
@@ -152,7 +156,7 @@ def sections(
 
 
 def condition_rows(statement: Statement, verdict: Verdict) -> list[list[str]]:
-    """Ambient conditions as the user states them, and the temperature of the data."""
+    """Return the ambient conditions stated by the user, and the temperature in the data."""
     rows = []
     for name, (words, unit) in CONDITIONS.items():
         bounds = getattr(statement, name)
@@ -180,7 +184,7 @@ def reference_rows(uncertainties: tuple[float, ...]) -> list[list[str]]:
 
 
 def expand(standard: Floats, freedom: Floats) -> tuple[Floats, list[str], list[str]]:
-    """Expanded uncertainties, and their coverage factors and degrees of freedom in words."""
+    """Return expanded uncertainties, coverage factors in words, and degrees of freedom in words."""
     factor = coverage_factor(budgets.COVERAGE, freedom)
     counts = [f"{value:.0f}" if value < 1e4 else "∞" for value in freedom.ravel().tolist()]
     return factor * standard, [f"{value:.2f}" for value in factor.ravel().tolist()], counts
@@ -213,7 +217,7 @@ def parameter_section(verdict: Verdict, budget: Budget, made: Sensor) -> ReportS
 
 
 def pose_section(budget: Budget, parts: dict[str, Floats]) -> ReportSection:
-    """The expanded uncertainty of poses by the calibration, at rest and over its samples."""
+    """State the expanded uncertainty of poses by the calibration, at rest and over its samples."""
     standard = np.sqrt(np.asarray(sum(parts.values())))
     freedom = budget.effective_freedom(parts)
     units = np.array([unit_of(axis).fine_factor for axis in POSE])
@@ -233,13 +237,13 @@ def pose_section(budget: Budget, parts: dict[str, Floats]) -> ReportSection:
 
 
 def budget_rows(parts: dict[str, Floats]) -> list[list[str]]:
-    whole = np.asarray(sum(parts.values()))[0]
+    total = np.asarray(sum(parts.values()))[0]
     rows = [
-        [source, *(f"{share:.1f}" for share in (100 * part[0] / whole).tolist())]
+        [source, *(f"{percent:.1f}" for percent in (100 * part[0] / total).tolist())]
         for source, part in parts.items()
     ]
     units = [(unit_of(axis).fine_factor, unit_of(axis).fine_unit) for axis in POSE]
-    sizes = [f"{np.sqrt(v) * by:.3g} {unit}" for v, (by, unit) in zip(whole, units, strict=True)]
+    sizes = [f"{np.sqrt(v) * by:.3g} {unit}" for v, (by, unit) in zip(total, units, strict=True)]
     return [*rows, ["standard uncertainty u", *sizes]]
 
 
@@ -253,7 +257,7 @@ def error_rows(errors: dict[str, Any] | None) -> list[list[str]]:
 
 
 def correlations(covariance: Floats) -> Floats:
-    """Coefficients of a covariance; 0 of what has no variance."""
+    """Return the coefficients of a covariance, 0 for a quantity without variance."""
     sizes = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         matrix: Floats = np.nan_to_num(covariance / np.outer(sizes, sizes))
@@ -273,16 +277,16 @@ def pose_correlations(covariances: dict[str, Floats]) -> list[list[str]]:
 
 
 def correlation_section(calibrated: Config) -> ReportSection:
-    """The strongest correlations of parameters."""
-    known = calibrated.sensor.calibration
-    assert known is not None
-    matrix = correlations(np.array(known.covariance))
+    """List the strongest correlations of parameters."""
+    calibration = calibrated.sensor.calibration
+    assert calibration is not None
+    names, matrix = calibration.names, correlations(np.array(calibration.covariance))
     upper = np.triu(np.abs(matrix), 1)
     pairs = np.argwhere(upper >= LEAST_CORRELATION)
     pairs = pairs[np.argsort(-upper[tuple(pairs.T)])]
-    rows = [[known.names[i], known.names[j], f"{matrix[i, j]:+.3f}"] for i, j in pairs[:MOST_PAIRS]]
+    rows = [[names[i], names[j], f"{matrix[i, j]:+.3f}"] for i, j in pairs[:MOST_PAIRS]]
     words = (
-        f"{len(pairs)} of {len(known.names) * (len(known.names) - 1) // 2} pairs of the written "
+        f"{len(pairs)} of {len(names) * (len(names) - 1) // 2} pairs of the written "
         f"parameters have a coefficient of {LEAST_CORRELATION} or more; the strongest "
         f"{len(rows)} are listed. The table of the whole covariance is a file of the result.",
     )
@@ -293,8 +297,10 @@ def correlation_section(calibrated: Config) -> ReportSection:
 def range_rows(
     verdict: Verdict, states: Floats, stated: tuple[float, float] | None
 ) -> list[list[str]]:
-    """Ranges of the fitted samples' poses and beam positions, and of the temperature, which is the
-    `stated` one where the data have none."""
+    """Return the ranges of the fitted samples' poses, beam positions and temperature.
+
+    stated: the user's range of temperature, for data that have none.
+    """
     rows = []
     for n, axis in enumerate((*POSE, "bx", "by")):
         unit = unit_of(axis)

@@ -1,6 +1,6 @@
-"""A page of designs: scatter matrix, parallel coordinates, and each design's drawing.
+"""A page of designs: scatter matrix, parallel coordinates, and a drawing of each design.
 
-The page is one file that needs no network; plotly draws in it.
+The page is one file that needs no network; plotly draws its plots.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from .head_drawing import drawing
 from .report_page import adaptive_hues
 from .wording import label, limit_in_words, lines_of
 
-#: Number of columns for which the plots have room.
-MOST = 9
+#: Maximum number of columns in the plots.
+MAX_PLOTTED = 9
 
 
 def plotly_text() -> str:
-    """plotly's own JavaScript. Raises `InputError` where plotly is not installed."""
+    """Return plotly's JavaScript. Raises `InputError` if plotly is not installed."""
     return str(require_extra("plotly.offline", "--report").get_plotlyjs())
 
 
@@ -33,8 +33,8 @@ def plotly_text() -> str:
 class ShownDesigns:
     """The designs of a page, each with its sensor and its YAML.
 
-    table: columns of the variables, the objectives and other measures, and `kind` ("own", "front"
-    or "other"), `title` and `remark` of each design.
+    table: columns of variables, objectives and other measures, and `kind` ("own", "front" or
+    "other"), `title` and `remark` of each design.
     """
 
     table: dict[str, NDArray[Any]]
@@ -48,7 +48,7 @@ def page(
     """Write the page as HTML."""
     table = designs.table
     measures = [key for key, values in table.items() if values.dtype.kind == "f"]
-    plotted = [*objectives, *variables][:MOST]
+    plotted = [*objectives, *variables][:MAX_PLOTTED]
     columns = [
         {
             "label": label(key),
@@ -84,7 +84,7 @@ def page(
 
 
 def remark_in_words(remark: str) -> str:
-    """Describe in words what holds a design back: "radius_mm at its most (1); spot on ..."."""
+    """Write the limits of a design in words; they are given as "radius_mm at its most (1); ..."."""
     parts = [part.rpartition(" (") for part in remark.split("; ")] if remark else []
     return ", ".join(f"{limit_in_words(group)} ({size}" for group, _, size in parts)
 

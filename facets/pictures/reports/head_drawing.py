@@ -21,7 +21,7 @@ FONT = "font-family='sans-serif' font-size='11'"
 
 
 def drawing(sensor: Sensor) -> str:
-    """An SVG element: the plan, and each detector's section through the axis, both to one scale."""
+    """Draw the plan, and each detector's section through the axis, to one scale, as SVG."""
     geometry = geometry_of(sensor)
     centres, sides = np.array(geometry.centres), np.array(geometry.axes)[:, -2:]
     spots = np.nan_to_num(readings(sensor, np.zeros(8))).reshape(3, 3)[:, :2]
@@ -83,7 +83,7 @@ def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: f
 
 
 def section(sensor: Sensor, centres: Floats, spots: Floats, scale: float) -> list[str]:
-    """Draw each detector's own half plane through the axis, outward to the right and z up."""
+    """Draw the half plane of each detector through the axis, outward to the right and z up."""
     axis, middle = SIZE + EDGE, SIZE / 2
     parts = [line((axis, 14), (axis, middle), INK, 1.4)]
     parts.append(text(axis + 6, 22, "beam", "start"))

@@ -1,4 +1,4 @@
-"""A page of sentences, tables and drawings on a result, such as a layout or a calibration.
+"""A page on a result, such as a layout or a calibration, with sentences, tables and drawings.
 
 The page is one file that needs no network and prints on a few sheets.
 """
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ReportSection:
-    """A part of the page: sentences, a table, a drawing (SVG or HTML), and unchanged text.
+    """A section of the page: sentences, a table, a drawing (SVG or HTML), and preformatted text.
 
-    wide: whether it spans both columns.
+    wide: whether the section spans both columns.
     """
 
     title: str
@@ -43,10 +43,10 @@ def report(
     warning: str = "",
     sheet: str = "",
 ) -> str:
-    """Fill the page.
+    """Write the page. Without drawings it follows the reader's choice of light or dark.
 
-    warning: text at its top, in the colour of alarms.  sheet: text at the foot of each printed
-    sheet.  A page without drawings follows the reader's choice of light or dark.
+    warning: text at the top, in the colour of alarms.  sheet: text at the foot of each printed
+    sheet.
     """
     from jinja2 import Environment
 

@@ -1,4 +1,4 @@
-"""Quantities, keys and limits in words and with their units, for the pages of designs."""
+"""Names of quantities, keys and limits in words with units, for the pages of designs."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from textwrap import wrap
 from ...core.names import DETECTORS
 from ..style import WORDS
 
-#: Measures whose columns need an explanation.
+#: Labels of measures that their columns' names do not explain.
 LABELS = {
     "head_mm": "diameter of the head, mm",
     "room_mm": "least clearance of a spot, mm",
     "least_power_mw": "least power on a detector, mW",
     "condition": "condition number",
 }
-#: The first word of a measure's column, in words.
+#: Kinds of measures by the first part of a column's name.
 MEASURES = {"u": "uncertainty of", "range": "range of"}
-#: Units by the ending of a column's name.
+#: Units by the last part of a column's name.
 UNITS = {"mm": "mm", "um": "µm", "mrad": "mrad", "urad": "µrad", "deg": "deg", "mw": "mW",
          "uw": "µW", "percent": "%"}  # fmt: skip
 LETTERS = {"a": "A", "b": "B", "c": "C", "psd": "PSD"}
 BLOCKS = {"beam": "beam", "mirror": "facets", "psd": "PSDs"}
-ALONE = {"mirror": "facet", "psd": "PSD"}
-#: Limits of a design, by the search's names, in words.
+SINGULARS = {"mirror": "facet", "psd": "PSD"}
+#: Bounds of a design by the search's names.
 ENDS = {"at its least": "at its lower bound", "at its most": "at its upper bound"}
 LIMITS = ("spot on", "uncertainty of", "power on")
-#: The meaning of a key's value on a page, by the key's own name.
+#: Objectives by their names in a configuration.
 AIMS = {
     "resolution": "the least worst uncertainty over the volume",
     "mean-resolution": "the least uncertainty over the volume, root mean square",
@@ -36,7 +36,7 @@ AIMS = {
     "size": "the smallest head",
     "weighted": "the least weighted sum",
 }
-#: Number of characters in a line of a label below a plot.
+#: Maximum number of characters in a line of a label below a plot.
 WIDTH = 12
 
 
@@ -71,12 +71,12 @@ def between(key: str, low: float, high: float) -> str:
 
 
 def rows_in_words(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Write a table's rows in words: first cells are columns, keys or limits; last ones may be."""
+    """Write the cells of a table's rows in words where they are columns, keys or limits."""
     return [[cell_in_words(cell) for cell in row] for row in rows]
 
 
 def cell_in_words(cell: str) -> str:
-    """Write a key, a column or a limit in words; other cells only get typographic signs."""
+    """Write a key, a column or a limit in words, and other cells with typographic signs."""
     block = cell.partition(".")[0]
     if block in BLOCKS:
         return key_in_words(cell)
@@ -89,10 +89,10 @@ def cell_in_words(cell: str) -> str:
 def key_in_words(path: str) -> str:
     """Write a key of a sensor in words: "psd.b.azimuth_deg" is "PSD B, azimuth, deg"."""
     block, *inner = path.split(".")
-    what = BLOCKS.get(block, block)
+    part = BLOCKS.get(block, block)
     if inner and inner[0] in DETECTORS:
-        what = f"{ALONE.get(block, block)} {inner.pop(0).upper()}"
-    return ", ".join([what, *map(label, inner)])
+        part = f"{SINGULARS.get(block, block)} {inner.pop(0).upper()}"
+    return ", ".join([part, *map(label, inner)])
 
 
 def typeset(words: str) -> str:
