@@ -3,7 +3,6 @@ test_publication.py for subscribers."""
 
 from __future__ import annotations
 
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -138,11 +137,6 @@ def test_a_zero_is_measured_at_its_temperature():
     assert part[:, -1] == pytest.approx(expected / np.array(STATE_UNITS[:6]) / 2, rel=0.02)
 
 
-def make_bench(config, folder, **options):
-    """A virtual bench at rest."""
-    return Bench(BenchSetup(config, "rest", 2000, **options), folder)
-
-
 def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):
     import pyarrow.parquet as pq
 
@@ -151,21 +145,12 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):
         "{name: temperature, unit: degC, delay_us: 250}]}\n"
     )
     config = facets.load(tmp_path / "own.yaml")
-    signals = {"force": lambda times, states: 3.0 + times + states[:, 0]}
-    bench = make_bench(config, tmp_path / "bench", signals=signals)
-    thread = threading.Thread(target=bench.run, args=(60.0,))
-    thread.start()
-    try:
-        port = str(tmp_path / "bench" / "board")
-        Run.from_config(config, port, RunOptions(folder=tmp_path / "rec", samples=300)).acquire()
-    finally:
-        bench.last = np.inf
-        thread.join()
+    options = RunOptions(folder=tmp_path / "rec", samples=300)
+    Run.from_config(config, "virtual:rest,rate=2000", options).acquire()
     live, table = recorded_poses(tmp_path / "rec"), tmp_path / "poses.parquet"
-    times = live["seq"] / 2000
-    np.testing.assert_allclose(live["force_n"], 3.0 + times, atol=1e-6)
-    sine = np.sin(2 * np.pi * (times + 250e-6))
-    np.testing.assert_allclose(live["temperature_c"], sine, atol=1e-6)
+    for name, delay in (("force_n", 0.0), ("temperature_c", 250e-6)):
+        sine = np.sin(2 * np.pi * (live["seq"] / 2000 + delay))
+        np.testing.assert_allclose(live[name], sine, atol=1e-6)
     playback = Playback(tmp_path / "rec")
     sentences, is_same = playback.finish(playback.poses(), table, True, None)
     assert is_same, sentences
@@ -183,13 +168,14 @@ def test_the_virtual_board_s_channels_are_recorded_and_replayed(tmp_path):
         facets.read_table(tmp_path / "rec")
 
 
-def test_the_virtual_bench_is_as_warm_as_its_readings_and_refuses_signals_without_a_channel(
+def test_the_virtual_bench_is_as_warm_as_its_readings_and_has_the_signals_of_its_channels(
     tmp_path,
 ):
-    bench = make_bench(configure(FORCE, HEAT, thermal=THERMAL), tmp_path / "bench")
+    setup = BenchSetup(configure(FORCE, HEAT, thermal=THERMAL), "rest", 2000)
+    bench = Bench(replace(setup, signals={"force": lambda times, _: 3.0 + times}), tmp_path)
     raw = bench.board.sample_channels(np.arange(3.0), np.zeros((3, 8)))
     bench.end()
+    np.testing.assert_allclose(FORCE.values(raw[:, 0]), [3.0, 4.0, 5.0], atol=1e-6)
     np.testing.assert_array_equal(HEAT.values(raw[:, 1]), THERMAL.reference)
-    signals = {"torque": lambda times, states: times}
     with pytest.raises(facets.InputError, match="names no channel torque"):
-        make_bench(configure(FORCE), tmp_path / "bench", signals=signals)
+        Bench(replace(setup, signals={"torque": np.sin}), tmp_path)
