@@ -70,7 +70,7 @@ class RunOptions:
     publish
         Addresses at which samples are published.
     web, page_scripts
-        Address `[HOST:]PORT` of a page that shows the run, and what draws the rig on it:
+        Address `[HOST:]PORT` of a page that shows the run, and the scripts that draw the rig on it:
         `facets.pictures.page.scripts.rig_scripts(config.sensor)`.
     columns
         Further columns of the poses, such as displacements from a zero.

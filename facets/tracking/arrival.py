@@ -87,7 +87,7 @@ class Arrival:
     def complaint(self, now: float, place: Floats) -> str:
         """The fault of a stage that is now at a place (2,); empty if there is none."""
         self.places.append((now, place))
-        for entries in (self.goals, self.places):  # the first entry held when the time began
+        for entries in (self.goals, self.places):  # the first entry was valid when the time began
             while len(entries) > 1 and entries[1][0] <= now - self.patience:
                 entries.popleft()
         start, goals = self.places[0][1], np.array([goal for _, goal in self.goals])

@@ -190,8 +190,10 @@ class StageCheck(Tracker):
         return f"the beam has moved by {words(moved)} mm instead of {words(goal)} mm"
 
     def is_resumed(self, doubt: str, newest: Sample, now: float) -> bool:
-        """Resume a check by itself, and by nobody else, after a stall of the loop on a busy
-        machine: the person who began the check is there, and no move is longer than STEP_MM."""
+        """Resume a check after a stall of the loop on a busy machine, but on no other request.
+
+        The person who began the check is present, and no move is longer than STEP_MM.
+        """
         self.request = "the check" if self.has_stalled and self.is_at_rest else ""
         return bool(self.request) and super().is_resumed(doubt, newest, now)
 

@@ -1,4 +1,4 @@
-"""Checks of what every driver of a stage must do, for the tests of any package.
+"""Checks of the contract of a stage's driver, for the tests of any package.
 
     from facets.tracking.contract import check_driver
 

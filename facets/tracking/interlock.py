@@ -1,4 +1,4 @@
-"""The external permit for every motion, and the heartbeat that shows others that the loop runs.
+"""The external permit for every motion, and the heartbeat that shows that the loop runs.
 
 A permit comes by the flag 8 of the detector board's frames, by an input of a card of National
 Instruments, or by a file. A heartbeat is sent to the board's port, to an output of such a card, or

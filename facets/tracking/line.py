@@ -60,7 +60,7 @@ class Line:
         return line.decode("ascii", "replace").rstrip("\r")
 
     def drain(self) -> None:
-        """Discard what a stage sent before the first question."""
+        """Discard the data that a stage sent before the first command."""
         self.rest = b""
         deadline = self.clock() + 10 * POLL_S
         while self.clock() < deadline and self.port.read(MAX_ANSWER_BYTES):

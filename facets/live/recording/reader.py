@@ -54,9 +54,9 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
     """Yield the blocks of a recording, also of one that ended in the middle of a write.
 
     Bytes that no sound row of the index proves come as separate, `doubtful` blocks; the beam's
-    place is then unknown if a stage carried the beam. damage: counts differences from what was
-    written. salvage: do without the index if it is missing or belongs to other bytes; otherwise
-    this raises `InputError`.
+    place is then unknown if a stage carried the beam.  damage: counts differences from the written
+    state.  salvage: do without an index that is missing or belongs to other bytes; otherwise such
+    an index raises `InputError`.
     """
     damage = damage if damage is not None else Damage()
     seal, size = seal_of(folder), size_of(folder)

@@ -80,7 +80,7 @@ def replay(
 
     All samples are solved, also those that the run had no time for. Bytes that nothing proves are
     not read in a format without checksums, since they could be anything.  damage: counts
-    differences from what was written.  on_progress: called with the number of bytes read
+    differences from the written state.  on_progress: called with the number of bytes read
     and their total.  salvage: see `blocks`.
     """
     damage = damage if damage is not None else Damage()

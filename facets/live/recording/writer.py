@@ -52,7 +52,7 @@ class DiskError(FacetsError):
 
 
 class Recording(ClosedAtExit, Sink):
-    """Writes a recording, and reports what it could not write.
+    """Writes a recording, and reports the data that it could not write.
 
     Bytes are handed to the system at once, so that a killed program loses none of them. A separate
     thread syncs the files every `sync` seconds, so that a power failure loses at most the bytes of
@@ -95,7 +95,7 @@ class Recording(ClosedAtExit, Sink):
             self.begin(meta, resolved)
         except OSError as error:
             raise DiskError(f"{folder}: cannot be written: {error.strerror}") from None
-        pose_table.stream_parts({"": np.zeros(1)})  # loads what it needs before poses come
+        pose_table.stream_parts({"": np.zeros(1)})  # loads its modules before poses come
         self.has_schema = self.closed = False
         self.waiting: list[RunPoses] = []
         self.written = time.monotonic()
@@ -263,7 +263,7 @@ class Recording(ClosedAtExit, Sink):
             self.seal()
 
     def messages(self) -> list[str]:
-        """A sentence about what the disk refused: the reason for the first file, and how much."""
+        """Return a sentence on refused data: the reason for the first file, and how much."""
         counts = {
             f"{self.lost} received bytes are not recorded": self.lost,
             f"{self.poses_refused} poses are not recorded, `facets replay` computes them again": (

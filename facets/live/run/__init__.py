@@ -1,4 +1,4 @@
-"""From blocks of bytes to poses: the loop, the solving, and what is shown of them."""
+"""From blocks of bytes to poses: the loop, the solving, and the views."""
 
 from typing import TYPE_CHECKING
 

@@ -162,7 +162,7 @@ class Live:
         self.events.put(None)
 
     def line_messages(self) -> list[str]:
-        """Say what the reader waits for, or why samples do not come or are all alike."""
+        """Return the message on a reader that waits, on missing samples or on frozen readings."""
         if self.note:
             return [self.note]
         if silence := self.silence:

@@ -200,7 +200,7 @@ class Loop:
             self.show = lambda _: None
 
     def finish(self) -> None:
-        """Solve what waits for up to `FINISH_S`, and give up the rest."""
+        """Solve the backlog for up to `FINISH_S`, and give up the rest."""
         self.gather()
         self.backlog.add(self.live.pipeline.release())
         last = self.live.clock() + FINISH_S

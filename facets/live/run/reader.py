@@ -107,7 +107,7 @@ class Reader(threading.Thread):
             self.spare = None
 
     def discard_old_bytes(self) -> None:
-        """Discard what buffers of a line hold from before."""
+        """Discard the bytes in a line's buffers that were sent before the run."""
         begin = time.monotonic()
         while (
             isinstance(self.port, SerialPort | ConnectionPort)
@@ -172,7 +172,7 @@ class Reader(threading.Thread):
         return self.queue.empty() and not self.live.backlog
 
     def pass_on(self) -> None:
-        """Give what came since the last block, as a block, to the sinks and to the loop."""
+        """Pass the bytes since the last block on to the sinks and the loop, as a block."""
         if not self.pending:
             return
         data = bytes(self.pending)

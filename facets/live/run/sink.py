@@ -27,7 +27,7 @@ class Sink(Protocol):
         return
 
     def refresh(self) -> None:
-        """Do what is due; called often, also while no samples come."""
+        """Do work that is due; called often, also while no samples come."""
         return
 
     def messages(self) -> list[str]:
@@ -43,4 +43,4 @@ class Sink(Protocol):
         return []
 
     def close(self) -> None:
-        """Write what is left, and release all resources."""
+        """Write the remaining data, and release all resources."""

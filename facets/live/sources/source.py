@@ -43,12 +43,12 @@ class Source(Protocol):
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more will ever come."""
+        """Whether the source has ended, so that no more bytes come."""
         ...
 
     @property
     def waits(self) -> bool:
-        """Whether nothing is lost while nobody reads, as from a file."""
+        """Whether no bytes are lost while the source is not read, as from a file."""
         ...
 
     def read(self) -> bytes:

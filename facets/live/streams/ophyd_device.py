@@ -76,8 +76,8 @@ class PoseSensor(
 ):
     """Poses with their standard uncertainties, of one sensor.
 
-    A sample that cannot be solved has its status in words and NaN for what is not known, as
-    everywhere. The port is open from `stage`, or the first `trigger` or `kickoff`, to `unstage`.
+    A sample that cannot be solved has its status in words, and NaN for unknown values. The port is
+    open from `stage`, or the first `trigger` or `kickoff`, to `unstage`.
     """
 
     def __init__(self, config: Config, address: str | None = None, name: str = "") -> None:

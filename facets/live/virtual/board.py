@@ -44,7 +44,7 @@ TRUTH = np.dtype([("seq", "<u4"), ("fate", "u1"), ("host", "<f8"), ("state", "<f
 Signal = Callable[[Floats, Floats], Floats]
 #: Fates of a sample.
 SENT, DROPPED, SPOILT = range(3)
-#: Size of what a board holds back while the host does not read; beyond it, it loses samples.
+#: Size of the board's buffer while the host does not read; beyond it, samples are lost.
 BUFFER_BYTES = 1 << 16
 #: A board whose line takes nothing for this time has no reader, and keeps nothing for it, s.
 UNREAD_TIMEOUT_S = 1.0
@@ -81,7 +81,7 @@ class BenchSetup:
 
 @dataclass
 class Count:
-    """Counts of what happened on the bench.
+    """Counts of samples, faults and moves of the bench.
 
     made, sent, dropped: numbers of samples; those sent include the corrupted ones.  `spoilt`:
     number of samples sent with a flipped, lost or doubled byte.  moves: commands that the stage

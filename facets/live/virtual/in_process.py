@@ -96,7 +96,7 @@ class BenchInProcess(Bench):
 
 
 class StageLine:
-    """The line of a virtual stage, like a port of pyserial.  answers: what is not read yet."""
+    """The line of a virtual stage, like a port of pyserial.  answers: bytes not read yet."""
 
     def __init__(self, bench: BenchInProcess) -> None:
         self.bench, self.answers = bench, b""
@@ -125,7 +125,7 @@ class BenchReader(Reader):
         self.bench, self.due, self.remaining = bench, 0.0, self.steps()
 
     def start(self) -> None:
-        """Begin without a thread, and discard what the board has sent until now."""
+        """Begin without a thread, and discard the bytes that the board has sent until now."""
         self.bench.round()
         self.bench.line.take()
 

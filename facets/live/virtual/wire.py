@@ -24,6 +24,6 @@ class Wire:
         return data
 
     def take(self) -> bytes:
-        """Return what was sent, at the other end."""
+        """Return the bytes that were sent, at the other end."""
         data, self.sent = self.sent, b""
         return data

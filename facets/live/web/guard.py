@@ -15,7 +15,7 @@ LOOPBACK = "127.0.0.1"
 def parse_address(text: str) -> tuple[str, int]:
     """Host and port of `[HOST:]PORT`; port 0 is for any that is free.
 
-    Raises `InputError` for what is no such address.
+    Raises `InputError` for a text in another form.
 
     >>> parse_address("8080"), parse_address("[::1]:0")
     (('127.0.0.1', 8080), ('::1', 0))

@@ -56,7 +56,7 @@ def json_text(message: dict[str, Any]) -> str:
 
 
 class Hub:
-    """Samples, the state of the run and what happened in it, as pages show them.
+    """Samples, status and events of a run, as pages show them.
 
     about: of the run, for each page when it comes.
     """

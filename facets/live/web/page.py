@@ -26,7 +26,7 @@ OPEN_TO_OTHERS = (
 class WebPage(Relay):
     """A page in the browsers of those who have its address.
 
-    resume: called when somebody presses the page's button, to let a stopped stage move again.
+    resume: called when a person presses the page's button that resumes a stopped stage.
     url: address for a browser; it has a token, without which nothing is served.
     """
 

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 #: Maximum rate of the news to a page, 1/s.
 UPDATES_PER_S = 30
-#: A page that takes nothing for this time is given up, s; it comes back by itself if it can.
+#: The connection to a page that takes nothing for this time is closed, s; the page reconnects.
 STUCK_TIMEOUT_S = 15.0
-#: Pages are given this time at the end to take what is left, s.
+#: Time for pages to take the last messages at the end, s.
 CLOSE_TIMEOUT_S = 2.5
 #: Maximum number of samples that are condensed at once, so that pages are served in between.
 MAX_ROWS_AT_ONCE = 20_000
@@ -56,10 +56,10 @@ def assets() -> dict[str, Path]:
 
 
 class Server:
-    """Serves the page of a hub to those whom the guard lets in."""
+    """Serves the page of a hub to the requests that the guard allows."""
 
     def __init__(self, hub: Hub, guard: Guard, drawn: dict[str, str], feed: RunFeed) -> None:
-        """drawn: texts of scripts that the run gives along, by their path on the page."""
+        """drawn: texts of scripts that the run supplies, by their path on the page."""
         self.hub, self.guard, self.feed = hub, guard, feed
         self.files, self.drawn = assets(), drawn
         self.tasks: set[asyncio.Task[Any]] = set()
