@@ -177,7 +177,7 @@ class Envelope:
                 f"before its line was closed, and says {words(place)} mm now; home it and begin "
                 "a new run"
             )
-            self.tell("stop", reason=self.latched)
+            self.report("stop", reason=self.latched)
 
     def _require_permits(self, now: float) -> None:
         """Stop the stage without the external permit, or if no heartbeat can be sent."""
@@ -281,7 +281,7 @@ class Envelope:
             self.stops += 1
         self.emergency_stop()
         if is_first:
-            self.tell("stop", reason=reason)
+            self.report("stop", reason=reason)
 
     def resume(self, by: str) -> str:
         """Let the stage move again; return the reason of a refusal, or ''.  by: who resumes."""
@@ -294,7 +294,7 @@ class Envelope:
         if now - self.latched_at < self.arrival.patience:
             return "it was stopped just now"
         assert self.encoder is not None
-        self.tell("resume", by=by, reason=self.latched)
+        self.report("resume", by=by, reason=self.latched)
         self.arrival.begin(self.encoder.place)
         self.latched, self.sent = "", None
         return ""
@@ -340,7 +340,7 @@ class Envelope:
             if not self.failed:
                 self._begin_stop(reason, is_for_auto=False)
                 self._stop_by_every_means()
-                self.tell("stage error", reason=reason)
+                self.report("stage error", reason=reason)
 
     def close(self, reason: str = "end") -> bool:
         """Stop the stage finally, and close its port. Never raises. Returns False if the stage did
@@ -351,7 +351,7 @@ class Envelope:
             close_line(self.permit)
             close_line(self.heartbeat)
             if not was_closed:
-                self.tell("stop", reason=reason)
+                self.report("stop", reason=reason)
             return answered
 
     def emergency_stop(self) -> None:
@@ -374,10 +374,10 @@ class Envelope:
         with suppress(Exception):
             self._driver.close()
         for reason in failures:
-            self.tell("stop not answered", reason=reason)
+            self.report("stop not answered", reason=reason)
         return len(failures) < STOP_ATTEMPTS
 
-    def tell(self, name: str, **more: Any) -> None:
+    def report(self, name: str, **more: Any) -> None:
         """Report an event; a failure to record the event must not delay a stop."""
         with suppress(Exception):
             self.say(name, **more)

@@ -37,7 +37,7 @@ class Pi(NativeLimits):
                 return lines
         raise StageError(f"the stage's answer has no end: {lines}")
 
-    def tell(self, command: str, *allowed: str, patience: float = PATIENCE_S) -> str:
+    def execute(self, command: str, *allowed: str, patience: float = PATIENCE_S) -> str:
         """Send a command, and require the error code 0 or one of `allowed`."""
         self.line.write(f"{command}\nERR?\n".encode())
         lines = self.read_answers(patience)
@@ -77,7 +77,7 @@ class Pi(NativeLimits):
     def write_limits(self, limits: Floats) -> None:
         """Set the limits that the controller has."""
         for name, (x, y) in zip(LIMITS, limits, strict=True):
-            self.tell(f"{name} 1 {x:.6f} 2 {y:.6f}", UNKNOWN_COMMAND)
+            self.execute(f"{name} 1 {x:.6f} 2 {y:.6f}", UNKNOWN_COMMAND)
 
     def parse_numbers(self, lines: list[str]) -> Floats:
         """The numbers of both axes in an answer."""
@@ -99,11 +99,11 @@ class Pi(NativeLimits):
     def move(self, place: Floats) -> None:
         """Start towards a place, and return before the stage arrives."""
         x, y = place - self.zero
-        self.tell(f"MOV 1 {x:.6f} 2 {y:.6f}")
+        self.execute(f"MOV 1 {x:.6f} 2 {y:.6f}")
 
     def stop(self, patience: float = PATIENCE_S) -> None:
         """Stop both axes, and wait until the stage confirms it."""
-        self.tell("STP", STOPPED, patience=patience)
+        self.execute("STP", STOPPED, patience=patience)
 
     def emergency_stop(self) -> None:
         """Stop without waiting for an answer, even within a half-sent command."""

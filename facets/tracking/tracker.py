@@ -84,7 +84,7 @@ class Tracker:
 
     def __init__(self, envelope: Envelope, law: Law) -> None:
         """Follow with an open stage."""
-        self.envelope, self.law, self.tell = envelope, law, envelope.tell
+        self.envelope, self.law, self.report = envelope, law, envelope.report
         self.settings, self.clock = envelope.settings, envelope.clock
         self.search = Search(self.settings) if self.settings.search_distance else None
         self.started = self.searching = self.bridging = False
@@ -310,7 +310,7 @@ class Tracker:
             doubt if doubt and not self.can_search(newest, now) else self.envelope.resume(by)
         ):
             self.refused = f"the stage was not resumed: {refusal}"
-            self.tell("resume refused", by=by, reason=refusal)
+            self.report("resume refused", by=by, reason=refusal)
             return False
         self.law.forget()
         self.started, self.bridging, self.refused, self.found_since = True, False, "", np.inf
@@ -318,7 +318,7 @@ class Tracker:
             self.search.forget()
             self.searching = True
             x, y = self.encoder.place.round(6).tolist()
-            self.tell("search", reason=doubt, x=x, y=y)
+            self.report("search", reason=doubt, x=x, y=y)
         return True
 
     def bridge(self, now: float) -> bool:
@@ -359,7 +359,7 @@ class Tracker:
     def count(self, sent: Floats, **more: Any) -> None:
         self.moves += 1
         self.begun = min(self.begun, self.clock())
-        self.tell("move", x=round(float(sent[0]), 6), y=round(float(sent[1]), 6), **more)
+        self.report("move", x=round(float(sent[0]), 6), y=round(float(sent[1]), 6), **more)
 
     def look_for(self, newest: Sample, place: Floats) -> None:
         """Search for the mirror."""
@@ -375,7 +375,7 @@ class Tracker:
     def end_search(self, outcome: str) -> None:
         """Report how a search ended, if there was one."""
         if self.searching:
-            self.tell("search ended", outcome=outcome)
+            self.report("search ended", outcome=outcome)
         self.searching = False
 
 

@@ -262,8 +262,8 @@ def test_a_page_is_told_messages_as_events_unsolved_samples_and_a_run_that_break
     """A message is an event when it begins and when it ends, whatever its numbers."""
     behind, light = "the loop is {} s behind", "light is lost"
     for texts in ([], [behind.format(0.3)], [behind.format(1.7), light], [light]):
-        page.outlet.tell({"messages": texts})
-    page.outlet.tell({"messages": [light], "events": {"samples lost": 7}})
+        page.outlet.send_status({"messages": texts})
+    page.outlet.send_status({"messages": [light], "events": {"samples lost": 7}})
     rows = page_rows(10)  # samples without times or poses break nothing
     rows["host_s"] = rows["utc_s"] = rows["tx_mm"] = np.nan
     rows["status"] = 66

@@ -147,9 +147,9 @@ class Outlet:
         self.hear()
         if time.monotonic() >= self.status_due:
             self.status_due = time.monotonic() + REPORT_INTERVAL_S
-            self.tell(self.status())
+            self.send_status(self.status())
 
-    def tell(self, status: dict[str, Any]) -> None:
+    def send_status(self, status: dict[str, Any]) -> None:
         """Publish a status of the run, unless it is empty, for the page."""
         if status:
             self.put([STATUS, json.dumps(status).encode()])
@@ -215,7 +215,7 @@ class Outlet:
             return
         self.socket.setsockopt(zmq.XPUB_NODROP, 0)
         with suppress(Exception):
-            self.tell(self.status())
+            self.send_status(self.status())
         self.is_ending, begin = True, time.monotonic()
         while any(relay.has_time(begin) for relay in self.relays):
             self.socket.send(END, zmq.NOBLOCK)  # again, as it may have found no place

@@ -58,16 +58,16 @@ class RunFeed(Subscription):
                 self.ended = self.has_end = True
         return parts, statuses
 
-    def tell_loss(self, missed: int) -> None:
+    def report_loss(self, missed: int) -> None:
         """Do nothing, because `report` states the loss."""
 
     def report(self, sent: int, receivers: int | None) -> None:
         """Report the counts of samples to the run, at intervals and at the end."""
         if self.ended or time.monotonic() >= self.due:
             self.due = time.monotonic() + REPORT_INTERVAL_S
-            self.tell(sent=sent, dropped=self.next - sent, receivers=receivers)
+            self.reply(sent=sent, dropped=self.next - sent, receivers=receivers)
 
-    def tell(self, **words: Any) -> None:
+    def reply(self, **words: Any) -> None:
         """Send values to the run, which may have gone."""
         with suppress(zmq.ZMQError):
             self.socket.send(FROM + self.token + b" " + json.dumps(words).encode(), zmq.NOBLOCK)

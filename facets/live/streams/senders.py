@@ -109,7 +109,7 @@ def open_sender(address: str, about: dict[str, Any]) -> Udp | Lsl:
 def pass_on(feed: RunFeed, sender: Udp | Lsl) -> None:
     """Pass samples on until the run ends."""
     sent = 0
-    feed.tell(ready=True, receivers=sender.receivers)
+    feed.reply(ready=True, receivers=sender.receivers)
     while not feed.ended:
         rows, _ = feed.take(1, POLL_MS)
         sent += sum(map(sender.send, rows))
@@ -122,7 +122,7 @@ def main() -> None:
         try:
             sender = open_sender(sys.argv[1], feed.about)
         except FacetsError as error:
-            feed.tell(error=str(error))
+            feed.reply(error=str(error))
         else:
             pass_on(feed, sender)
 

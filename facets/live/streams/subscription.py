@@ -126,11 +126,11 @@ class Subscription(ClosedAtExit):
         missed = words["first"] - self.next if self.next >= 0 else 0
         if missed > 0:
             self.lost += missed
-            self.tell_loss(missed)
+            self.report_loss(missed)
         self.next = words["first"] + words["count"]
         return np.frombuffer(data, self.dtype)
 
-    def tell_loss(self, missed: int) -> None:
+    def report_loss(self, missed: int) -> None:
         """Report the number of missed rows to the publisher."""
         with suppress(zmq.ZMQError):  # the publisher may have gone
             self.socket.send(LOST + b"%d" % missed, zmq.NOBLOCK)

@@ -135,19 +135,19 @@ class Hub:
         at = self.now()
         before, self.said = self.said, kinds_of(status.get("messages", ()))
         for kind in self.said.keys() - before.keys():
-            self.tell(at, self.said[kind], "begins")
+            self.add_event(at, self.said[kind], "begins")
         for kind in before.keys() - self.said.keys():
-            self.tell(at, before[kind], "ends")
+            self.add_event(at, before[kind], "ends")
         counts = status.get("events", {})
         for name, count in counts.items():
             more = count - (self.status or {}).get("events", {}).get(name, 0)
             if more > 0:
-                self.tell(at, f"{name}: {more} more, {count} in all", "")
+                self.add_event(at, f"{name}: {more} more, {count} in all", "")
         for moment, text in status.pop("happened", ()):
-            self.tell(None if self.origin is None else moment - self.origin, text, "")
+            self.add_event(None if self.origin is None else moment - self.origin, text, "")
         self.status = status
 
-    def tell(self, at: float | None, text: str, what: str) -> None:
+    def add_event(self, at: float | None, text: str, what: str) -> None:
         self.happened += 1
         self.events.append({"number": self.happened, "t": at, "text": text, "what": what})
 
@@ -155,7 +155,7 @@ class Hub:
         """Announce to the pages that nothing more comes."""
         if self.ended is None:
             self.ended = {"type": "end", "reason": reason, "good": good}
-            self.tell(self.now(), reason, "")
+            self.add_event(self.now(), reason, "")
 
     def now(self) -> float | None:
         """The time after the origin: by this machine's clock, or of a replay's newest sample."""

@@ -97,7 +97,9 @@ class ReplayPage(ClosedAtExit):
             self.publications.outlet.refresh()
             yield poses
         self.ended = time.monotonic()
-        self.publications.outlet.tell(self.status() | {"happened": events_of(self.recording)})
+        self.publications.outlet.send_status(
+            self.status() | {"happened": events_of(self.recording)}
+        )
 
     def stay(self, say: Callable[[str], None]) -> None:
         """Wait until ^C, SIGTERM or the end of the page's process."""

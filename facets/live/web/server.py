@@ -129,21 +129,23 @@ class Server:
         page = Page(self.hub)
         self.hub.pages.add(page)
         page.wake.set()
-        telling = asyncio.create_task(self.tell(line, page, request))
-        self.tasks.add(telling)
+        sending_news = asyncio.create_task(self.send_news(line, page, request))
+        self.tasks.add(sending_news)
         try:
             async for message in line:  # also hears the end of the page
                 if message.data == "resume":
-                    self.feed.tell(resume=True)
+                    self.feed.reply(resume=True)
         finally:
             self.hub.pages.discard(page)
-            telling.cancel()
+            sending_news.cancel()
             with suppress(asyncio.CancelledError):
-                await telling
-            self.tasks.discard(telling)
+                await sending_news
+            self.tasks.discard(sending_news)
         return line
 
-    async def tell(self, line: web.WebSocketResponse, page: Page, request: web.Request) -> None:
+    async def send_news(
+        self, line: web.WebSocketResponse, page: Page, request: web.Request
+    ) -> None:
         try:
             while not page.finished:
                 await page.wake.wait()
@@ -210,7 +212,7 @@ async def serve(feed: RunFeed, line: socket.socket) -> None:
     runner = web.AppRunner(server.app(), access_log=None, handle_signals=False)
     await runner.setup()
     await web.SockSite(runner, line, shutdown_timeout=0.1).start()
-    feed.tell(ready=True, port=port)
+    feed.reply(ready=True, port=port)
     await condense(hub, feed)
     if server.tasks:
         await asyncio.wait(set(server.tasks), timeout=CLOSE_TIMEOUT_S)
@@ -225,7 +227,7 @@ def main() -> None:
             require_extra("aiohttp", "--web")
             line = listening(feed.setup["page"]["host"], feed.setup["page"]["port"])
         except InputError as error:
-            feed.tell(error=str(error))
+            feed.reply(error=str(error))
             return
         with suppress(TimeoutError):
             asyncio.run(serve(feed, line))
