@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from facets import calibration
+from facets.core.plain_numbers import count_text
 
 from ..console import show_table, wrap
 
@@ -54,8 +55,9 @@ def show_verdict(settings: Config, verdict: Verdict) -> None:
         print(wrap(("! " if finding.bad else "- ") + finding.words))
     fit = verdict.fit
     if fit is not None and verdict.is_trusted:
+        steps = count_text(fit.steps, "step") if fit.steps else "no further steps"
         print(
-            f"The fit converged in {fit.steps} steps. Chi-square per degree of freedom is "
+            f"The fit converged in {steps}. Chi-square per degree of freedom is "
             f"{fit.reduced_chi_square:.3f} (1 is expected)."
         )
 

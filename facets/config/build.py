@@ -1,15 +1,9 @@
-"""Convert checked keys to plain resolved types, and these to the objects of the code."""
+"""Differences of two resolved blocks of keys."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
-
-from ..core.keys import block_of
-from ..core.motions import Motion
-from ..core.sensor import Electronics, Sensor
-from .keys import MOTIONS
-from .sensor_keys import SENSOR
 
 
 def differences(
@@ -26,20 +20,3 @@ def differences(
         elif write(value) != write(before):
             changed[key] = write(value)
     return changed
-
-
-def sensor(keys: dict[str, Any]) -> Sensor:
-    """A Sensor from the resolved `sensor` block."""
-    built: Sensor = SENSOR.read(keys)
-    return built
-
-
-def electronics(keys: dict[str, Any]) -> Electronics:
-    built: Electronics = block_of(Electronics).read(keys)
-    return built
-
-
-def motion(keys: dict[str, Any]) -> Motion:
-    """A motion from its resolved block."""
-    made: Motion = MOTIONS[keys["kind"]].read(keys)
-    return made

@@ -13,12 +13,15 @@ from ..core.channels import AuxiliaryChannel, is_taken
 from ..core.errors import ConfigError, InputError
 from ..core.keys import block_of
 from ..core.names import DETECTORS, escape_undecodable
+from ..core.sensor import Electronics
 from ..core.settings import Config, resolved_text
-from . import alignment_check, build
+from . import alignment_check
 from .blame import culprits, message
 from .checks import resolve
 from .files import find, gather
+from .keys import MOTIONS
 from .problems import messages, quote_value
+from .sensor_keys import SENSOR
 from .yaml_positions import Marked, dotted_path, path_text
 
 
@@ -58,9 +61,11 @@ def load(name_or_path: str | Path) -> Config:
     return Config(
         name=escape_undecodable(file.stem),
         path=file,
-        sensor=build.sensor(resolved["sensor"]),
-        motions={name: build.motion(keys) for name, keys in resolved["motions"].items()},
-        electronics=build.electronics(resolved["sensor"]["electronics"]),
+        sensor=SENSOR.read(resolved["sensor"]),
+        motions={
+            name: MOTIONS[keys["kind"]].read(keys) for name, keys in resolved["motions"].items()
+        },
+        electronics=block_of(Electronics).read(resolved["sensor"]["electronics"]),
         resolved=resolved,
         sha256=fingerprint(resolved),
         **settings,
@@ -118,7 +123,7 @@ def _sensor_problems(tree: Marked, keys: dict[str, Any]) -> list[str]:
 
 def _complaint(keys: dict[str, Any]) -> str:
     try:
-        return alignment_check.complaint(build.sensor(keys))
+        return alignment_check.complaint(SENSOR.read(keys))
     except InputError as error:
         return str(error)
 
@@ -126,7 +131,7 @@ def _complaint(keys: dict[str, Any]) -> str:
 def _worst_miss(tree: Marked) -> float:
     """See `alignment_check.worst_miss`; infinite without a sensor."""
     try:
-        return alignment_check.worst_miss(build.sensor(_sensor_keys(tree)))
+        return alignment_check.worst_miss(SENSOR.read(_sensor_keys(tree)))
     except InputError:
         return inf
 

@@ -585,8 +585,7 @@ class BenchLight(SensorPart):
     its centroid's y and z (mm).  index: complex refractive index (n, k) of the facets' coating,
     None for ideal reflection.  polarization: angle of the light's field from that x axis, rad; None
     for unpolarised.  delays: delays of detectors A, B and C after the stated time, s. They belong
-    to
-    recordings, not to single readings (`facets.detectors.skew`).
+    to recordings, not to single readings (`facets.detectors.skew`).
     profile: coefficients of He_4(x), He_3(x) He_1(y), He_2(x) He_2(y), He_1(x) He_3(y) and He_4(y).
     The Gaussian irradiance is multiplied by 1 plus the sum of these Hermite polynomials, along the
     same x and y, in units of the beam's sigma.  asymmetry: the same for He_3(x), He_2(x) He_1(y),

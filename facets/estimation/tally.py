@@ -498,8 +498,9 @@ class Tally:
         return (
             f"{self.cold}, though sensor.temperature has coefficients: the poses hold at "
             f"{config.sensor.thermal.reference:.4g} degrees Celsius. Each kelvin above or below "
-            f"shifts them by up to {1e3 * shift[:3].max():.2g} um and "
-            f"{1e6 * shift[3:].max():.2g} urad, which the stated uncertainties do not include."
+            f"shifts them by up to {short_number(1e3 * shift[:3].max(), 2)} µm and "
+            f"{short_number(1e6 * shift[3:].max(), 2)} µrad, which the stated uncertainties do not "
+            "include."
         )
 
 

@@ -14,7 +14,7 @@ from ..core.errors import InputError
 from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS, TEMPERATURE_COLUMN
 from ..core.notebook import show_shortly
-from ..core.plain_numbers import short_number
+from ..core.plain_numbers import count_text, short_number
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats, Integers
 from ..files import tables
@@ -371,11 +371,10 @@ def zero_of_table(path: Path, config: Config) -> ZeroPose:
 def zero_text(request: ZeroRequest, zero: ZeroPose) -> str:
     """The zero in words, for the provenance of a table."""
     place = ", ".join(
-        f"{name} {value / unit:.9g}"
+        f"{name} {round(value / unit, 9) + 0.0:.9g}"  # 1 fm, 1 prad; no -0
         for name, value, unit in zip(STATE_COLUMNS[:6], zero.state, STATE_UNITS, strict=False)
     )
-    many = "s" if zero.samples > 1 else ""
-    return f"{request.text}, {zero.samples} sample{many}: {place}"
+    return f"{request.text}, {count_text(zero.samples, 'sample')}: {place}"
 
 
 def zero_findings(zero: ZeroPose) -> list[str]:

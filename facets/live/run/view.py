@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core.hues import DARK, LIGHT, Hues
 from ...core.names import ANGLES, DETECTORS, STATE, STATE_COLUMNS
+from ...core.plain_numbers import short_number, times_text
 from ...core.units import round_to
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
@@ -162,7 +163,7 @@ def stage_sentences(live: Live) -> Iterator[str]:
         yield f"{live.tracker.bridges} gaps were bridged by the predicted motion"
     if stops := live.tracker.envelope.stops:
         ended = "stands since then" if live.stage_stop else "was resumed after each"
-        yield f"the stage was stopped {stops} times, and {ended}"
+        yield f"the stage was stopped {times_text(stops)}, and {ended}"
     if live.beam_loss.lost and live.latency and not live.is_urgent:  # no bench in the process
         yield (
             "the run had no real-time priority; with it a busy machine loses the beam less often, "
@@ -206,11 +207,12 @@ def clock_sentences(live: Live) -> Iterator[str]:
     clock = live.pipeline.host_time
     if live.pipeline.config.acquire.timing == "envelope" and np.isfinite(clock.uncertainty):
         yield (
-            f"the newest samples' times are known to {1e6 * clock.uncertainty:.2g} us (1 sigma), "
-            f"earlier ones to {1e6 * clock.worst:.2g} us, beside what acquire.least_delay_ms is off"
+            f"the newest samples' times are known to {short_number(1e6 * clock.uncertainty, 2)} µs "
+            f"(1 sigma), earlier ones to {short_number(1e6 * clock.worst, 2)} µs, in addition to "
+            "the error of acquire.least_delay_ms"
         )
     if (moves := clock.moves - live.pipeline.sequence.breaks) > 0:
-        yield f"{CLOCK_MOVED}, {moves} times"
+        yield f"{CLOCK_MOVED}, {times_text(moves)}"
     yield from live.pipeline.times.messages
     if clock.is_held and clock.is_known:
         most = 1e6 * (abs(clock.rate) + clock.rate_sigma)

@@ -15,6 +15,7 @@ from math import isfinite, isnan, nan
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.plain_numbers import times_text
 from .frames import RawSamples
 
 WRAP = 2**32
@@ -148,8 +149,8 @@ class Sequence:
     def leap_sentence(self) -> str:
         """The sentence on leaps of the board's clock; empty without any."""
         text = (
-            f"the detector board's clock (t_us) leapt {self.leaps} times while the numbers of the "
-            "samples went on: check that it wraps at 32 bits, and that nothing sets it"
+            f"the detector board's clock (t_us) leapt {times_text(self.leaps)} while the numbers "
+            "of the samples went on: check that it wraps at 32 bits, and that nothing sets it"
         )
         return text if self.leaps else ""
 
@@ -305,7 +306,8 @@ class Sequence:
     def sentences(self) -> Iterator[str]:
         """Yield the sentences on restarts and dropped samples of the whole stream."""
         if self.restarts:
-            yield f"the board restarted {self.restarts} times; what it lost meanwhile is not known"
+            restarts = times_text(self.restarts)
+            yield f"the board restarted {restarts}; what it lost meanwhile is not known"
         if self.doubled:
             yield f"{self.doubled} samples came again, or too late, and were dropped"
         if self.complaint:

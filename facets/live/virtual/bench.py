@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import InputError, OutputError
 from ...core.names import TEMPERATURE_COLUMN
+from ...core.plain_numbers import times_text
 from ...tracking.stage import StageModel
 from .board import TRUTH, BenchSetup, Board, Count, Signal
 from .faults import Schedule
@@ -152,9 +153,10 @@ class Bench:
             yield "Most were dropped, as happens when nobody reads the board's port."
         yield f"The stage obeyed {count.moves} moves." if count.moves else "The stage never moved."
         if count.disabled:
-            yield f"The board stopped the stage {count.disabled} times, because no heartbeat came."
+            stops = times_text(count.disabled)
+            yield f"The board stopped the stage {stops}, because no heartbeat came."
         if count.restarts:
-            yield f"The board restarted {count.restarts} times."
+            yield f"The board restarted {times_text(count.restarts)}."
         if count.slipped >= REPORTED_SLIP_S:
             yield (
                 f"The machine was too busy: the bench's clock stood still for "
