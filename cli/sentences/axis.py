@@ -26,7 +26,7 @@ def show(report: AxisReport) -> None:
         for q in report.quantities[motions.main]
     ]
     title = (
-        f"{motions.names[motions.main]}: {len(report.visits.target)} stands at "
+        f"{motions.names[motions.main]}: {len(report.visits.target)} dwells at "
         f"{len(motions.targets)} positions; U: expanded uncertainty by the sensor (k = 2)"
     )
     show_table(title, ("quantity", "", "value", "U", ""), rows, left_columns=(0, 1, 4))

@@ -12,7 +12,7 @@ else:
             "positioning": "evaluate_positioning",
             "report": "evaluate_axis",
             "visits": (
-                "PoseSeries approach_directions find_visits match_stands "
+                "PoseSeries approach_directions find_visits match_dwells "
                 "measured_directions read_commands read_series series_of_columns"
             ),
         },

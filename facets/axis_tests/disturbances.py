@@ -1,10 +1,10 @@
-"""Stands of an axis that are far off the others, and drift during a test.
+"""Outlying dwells of an axis, and drift during a test.
 
-Stands at one position, approached from one side, differ by the axis's scatter, by a drift, and
-where something went wrong. A drift is a polynomial in time that is fitted beside a mean for each
-position and side, so that no error motion is taken for it, nor it for one. A stand is far off if
-its distance from this fit, without it, is beyond chance (Student's t); a drift is one if it
-explains more than chance does (F test).
+Dwells at one position, approached from one side, differ by the axis's scatter, by drift, and by
+disturbances. Drift is a polynomial in time that is fitted together with a mean for each position
+and side, so that drift and error motions are not confused. A dwell is an outlier if its distance
+from a fit without it is beyond chance (Student's t); drift is reported if it explains more than
+chance does (F test).
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ import numpy as np
 from ..core import Booleans, Floats, Integers
 from .error_motions import ErrorMotions, Visits
 
-#: Probability of a stand far off, and of a drift, in a test that has none.
+#: Probability of reporting an outlier, and of reporting drift, in a test without any.
 CHANCE = 1e-4
-#: Highest order of a drift's polynomial, and the statistical freedom that each order needs.
+#: Highest order of the drift's polynomial, and the degrees of freedom that each order requires.
 MAX_ORDER, FREEDOM_PER_ORDER = 4, 6
-#: Most stands that are looked at as far off; also at most an eighth of all.
+#: Largest number of outliers that are sought; also at most an eighth of all dwells.
 MAX_FAR = 20
-#: A variance that rounding explains: of a picometre or a nanoradian.
+#: Variances below this are rounding errors: it is that of a picometre or a nanoradian.
 LEAST_VARIANCE = 1e-18
 
 
 class Disturbances(NamedTuple):
-    """What disturbed the k stands of a test.
+    """Outliers and drift among the k dwells of a test.
 
-    distances: (k, 6) of stands that are far off, from the others in the error motion that shows it;
-    else 0.  trend: (k, 6) the drift of each error motion, 0 without one.  errors: (6, draws, k)
+    distances: (k, 6) distance of each outlier from the other dwells, in the error motion that shows
+    it; else 0.  trend: (k, 6) drift of each error motion; 0 without drift.  errors: (6, draws, k)
     draws of the trend's errors.
     """
 
@@ -40,17 +40,17 @@ class Disturbances(NamedTuple):
 
     @property
     def is_far(self) -> Booleans:
-        """Whether a stand is far off (k,)."""
+        """Whether each dwell is an outlier: (k,)."""
         return np.asarray(self.distances.any(axis=1))
 
 
 def find_disturbances(visits: Visits, motions: ErrorMotions) -> Disturbances:
-    """Find stands that are far off, and the drift of each error motion without them.
+    """Find outlying dwells, and the drift of each error motion without them.
 
     Parameters
     ----------
     visits, motions
-        The stands of a test and its error motions.
+        The dwells of a test and its error motions.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def find_disturbances(visits: Visits, motions: ErrorMotions) -> Disturbances:
 
     place = (..., visits.target, visits.direction, visits.run)
     values, sides = motions.values[place].T, 2 * visits.target + visits.direction
-    distances = find_far_stands(values, sides, visits.time)
+    distances = find_outliers(values, sides, visits.time)
     rest = ~distances.any(axis=1)
     fit = fit_drift(values[rest], sides[rest], visits.time[rest])
     orders = max(1, len(fit.sizes))
@@ -76,44 +76,47 @@ def find_disturbances(visits: Visits, motions: ErrorMotions) -> Disturbances:
 
 
 class DriftFit(NamedTuple):
-    """Polynomials in time that are fitted to n values (k, n) beside a mean for each side.
+    """Polynomials in time, fitted to n values (k, n) together with a mean for each side.
 
-    functions: (k, q).  sizes: (q, n) of these in the values; independent, with the variance of a
-    value.  residuals: (k, n).  share: (k,) of a stand's own distance in its residual; infinite
-    where nobody knows which of two stands is off.  freedom: degrees of freedom of the residuals.
+    functions: (k, q) the polynomials, orthogonal.  sizes: (q, n) their coefficients in the values;
+    they are independent and have the variance of a value.  residuals: (k, n).  fraction: (k,)
+    fraction of a dwell's own deviation that remains in its residual; infinite for one of only two
+    dwells, because it is unknown which of the two deviates.  freedom: degrees of freedom of the
+    residuals.
     """
 
     functions: Floats
     sizes: Floats
     residuals: Floats
-    share: Floats
+    fraction: Floats
     freedom: int
 
 
 def fit_drift(values: Floats, sides: Integers, time: Floats) -> DriftFit:
     """Fit a drift to values (k, n) at times (k,); sides: (k,) numbers of position and direction."""
     member = np.unique(sides)[:, None] == sides
-    side, stands = member.argmax(axis=0), member.sum(axis=1)
+    side, dwells = member.argmax(axis=0), member.sum(axis=1)
 
     def subtract_means(x: Floats) -> Floats:
-        return np.asarray(x - (member @ x / stands[:, None])[side])
+        return np.asarray(x - (member @ x / dwells[:, None])[side])
 
-    freedom = len(time) - len(stands)
+    freedom = len(time) - len(dwells)
     orders = min(MAX_ORDER, freedom // FREEDOM_PER_ORDER)
     scaled = np.interp(time, [time.min(), time.max()], [-1, 1])
     powers = np.asarray(np.polynomial.legendre.legvander(scaled, orders)[:, 1:], dtype=float)
     across, triangle = np.linalg.qr(subtract_means(powers))
     sizes = across.T @ values
-    share = np.where(stands > 2, 1 - 1 / stands, np.inf)[side] - (across**2).sum(axis=1)
+    fraction = np.where(dwells > 2, 1 - 1 / dwells, np.inf)[side] - (across**2).sum(axis=1)
     residuals = subtract_means(values) - across @ sizes
-    return DriftFit(powers @ np.linalg.pinv(triangle), sizes, residuals, share, freedom - orders)
+    return DriftFit(powers @ np.linalg.pinv(triangle), sizes, residuals, fraction, freedom - orders)
 
 
-def find_far_stands(values: Floats, sides: Integers, time: Floats) -> Floats:
-    """Distances (k, 6) of stands that are far off, in the value that shows it; else 0.
+def find_outliers(values: Floats, sides: Integers, time: Floats) -> Floats:
+    """The distances (k, 6) of outlying dwells, in the value that shows it; else 0.
 
-    Arguments as of `fit_drift`. The farthest stand is taken out again and again, and those up to
-    the last that is beyond chance are far off: one hides another (Rosner's generalised test).
+    The dwell with the largest deviation is removed, one after the other; all up to the last one
+    beyond chance are outliers, because outliers mask each other (Rosner's generalised test). The
+    arguments are those of `fit_drift`.
     """
     from scipy.special import stdtr
 
@@ -121,7 +124,7 @@ def find_far_stands(values: Floats, sides: Integers, time: Floats) -> Floats:
     for _ in range(min(MAX_FAR, len(time) // 8)):
         fit = fit_drift(values[rest], sides[rest], time[rest])
         freedom = max(1, fit.freedom - 1)
-        squares = fit.residuals**2 / fit.share[:, None]
+        squares = fit.residuals**2 / fit.fraction[:, None]
         others = (fit.residuals**2).sum(axis=0) - squares
         ratios = squares / np.maximum(others / freedom, LEAST_VARIANCE)
         worst, component = np.unravel_index(ratios.argmax(), ratios.shape)
@@ -130,7 +133,7 @@ def find_far_stands(values: Floats, sides: Integers, time: Floats) -> Floats:
             count = len(suspects)
         rest = np.delete(rest, worst)
     distances = np.zeros_like(values)
-    for stand, component in suspects[:count]:
-        alike = values[sides == sides[stand], component]
-        distances[stand, component] = values[stand, component] - np.median(alike)
+    for dwell, component in suspects[:count]:
+        alike = values[sides == sides[dwell], component]
+        distances[dwell, component] = values[dwell, component] - np.median(alike)
     return distances

@@ -1,15 +1,15 @@
-"""Error motions of a linear or rotary axis from the poses at which it stood.
+"""Error motions of a linear or rotary axis from the poses of its dwells.
 
 The names are those of ISO 230-1:2012, 3.4 and 3.5: E, the direction of the error (X, Y, Z: shifts;
 A, B, C: rotations about these), and the axis that moves. EXX is the positioning error of the axis
 X, EYX and EZX are its straightness errors, EAX, EBX and ECX its angular errors. Of a rotary axis C,
 ECC is the angular positioning error, EXC and EYC are radial, EZC is axial, EAC and EBC are tilts.
 
-What the set-up of the test determines is no error of the axis, and is removed: a constant of each
-component, the direction of the axis relative to the object's axes (unless the reference line is the
-nominal one), and where a rotary axis lies. Everything that is removed is linear in the poses'
-errors, so that these are carried to the error motions by draws from the joint distribution of all
-poses.
+The parts of the motion that depend on the set-up of the test are no errors of the axis and are
+removed. They are a constant of each component, the direction of the axis relative to the object's
+axes (unless the reference line is the nominal one), and the position of a rotary axis. They are
+linear in the poses' errors, which are therefore propagated to the error motions by draws from the
+joint distribution of all poses.
 """
 
 from __future__ import annotations
@@ -47,15 +47,18 @@ from ..estimation import (
 #: Directions of errors and names of axes: shifts along X, Y, Z, and rotations about these.
 LETTERS = "XYZABC"
 ReferenceLine = Literal["least-squares", "end-points", "nominal"]
-#: Most draws of the poses' errors, and numbers in all of them.
+#: Largest number of draws of the poses' errors, and of the numbers in all draws together.
 MOST_DRAWS, MOST_NUMBERS = 2000, 8_000_000
 SEED = 1
 
 
 @dataclass(frozen=True)
 class Commands:
-    """Commanded positions in their order: (k,) mm or rad, and (k,) 0 where they are approached in
-    the positive direction, 1 in the negative."""
+    """Commanded positions in their order.
+
+    positions: (k,) mm or rad.  direction: (k,) 0 for an approach in the positive direction, 1 in
+    the negative.
+    """
 
     positions: Floats
     direction: Integers
@@ -70,14 +73,14 @@ class AxisTest:
     axis
         X, Y or Z: linear along, A, B or C: rotary about this axis of the object.
     commands
-        The commanded positions in their order; None: equally spaced ones are found.
+        The commanded positions in their order; None for unknown, equally spaced positions.
     body
         The point of interest and the object's axes; by default the mirror's apex and axes.
     line
-        Reference of straightness, and of the tilt of a rotary axis: the line by least squares, that
-        through the means at the first and last target, or the object's axis.
+        Reference of straightness, and of the tilt of a rotary axis: the line by least squares, the
+        line through the means at the first and the last target, or the object's axis.
     shortest_s
-        The shortest time for which the axis stands still, s.
+        Duration of the shortest dwell, s.
     """
 
     axis: str
@@ -94,28 +97,27 @@ class AxisTest:
 
 @dataclass(frozen=True)
 class Visits:
-    """Stands of an axis at its target positions.
+    """Dwells of an axis at its target positions.
 
     Attributes
     ----------
     targets
         (m,) the commanded positions, ascending; mm or rad.
     target, direction, run
-        (k,) of each stand: number of the target; 0 if it was approached in the positive direction,
-        1 in the negative; number of the run.
+        (k,) number of each dwell's target; 0 for an approach in the positive direction, 1 in the
+        negative; number of the run.
     time
         (k,) s.
     states
-        (k, 8) means over the samples of a stand; mm and rad.
+        (k, 8) means over the samples of each dwell; mm and rad.
     samples
         (k,) number of samples in each mean.
     excess
-        (6,) by how much the means scatter more than the sensor's noise explains, as a factor of
-        the standard deviation, 1 or more.
+        (6,) standard deviation of the means over that due to the sensor's noise, 1 or more.
     trend
-        (k, 6) drift of the errors that is removed; mm and rad.
+        (k, 6) drift of the errors, which is removed; mm and rad.
     used
-        (k, 3) detectors that took part in each stand; None: all.
+        (k, 3) whether each detector took part in each dwell; None for all.
     """
 
     targets: Floats
@@ -129,19 +131,19 @@ class Visits:
     trend: Floats | float = 0.0
     used: Booleans | None = None
 
-    def select(self, kept: Booleans, trend: Floats) -> Visits:
-        """The stands that `kept` selects, without a drift (k, 6)."""
+    def select(self, chosen: Booleans, trend: Floats) -> Visits:
+        """The chosen dwells (k,), with a drift (k, 6) that is to be removed."""
         names = ("target", "direction", "run", "time", "states", "samples")
-        some = {name: getattr(self, name)[kept] for name in names}
-        used = None if self.used is None else self.used[kept]
-        return replace(self, **some, trend=trend[kept], used=used)
+        some = {name: getattr(self, name)[chosen] for name in names}
+        used = None if self.used is None else self.used[chosen]
+        return replace(self, **some, trend=trend[chosen], used=used)
 
     def grid(self, values: Floats) -> Floats:
-        """Values (..., k) of the stands by target, direction and run: (..., m, 2, n)."""
+        """Arrange values (..., k) of the dwells by target, direction and run: (..., m, 2, n)."""
         shape = (len(self.targets), 2, int(self.run.max()) + 1)
-        whole: Floats = np.full((*values.shape[:-1], *shape), np.nan)
-        whole[..., self.target, self.direction, self.run] = values
-        return whole
+        grid: Floats = np.full((*values.shape[:-1], *shape), np.nan)
+        grid[..., self.target, self.direction, self.run] = values
+        return grid
 
 
 @dataclass(frozen=True)
@@ -159,11 +161,11 @@ class ErrorMotions:
     draws
         (6, draws, m, 2, n) errors of the values, from their joint distribution.
     frame
-        (3, 3) the axes of the errors, as rows in the object's axes: its main one is the direction
+        (3, 3) the axes of the errors, as rows in the object's axes; the main one is the direction
         of the axis under test.
     offset
-        (3,) of a rotary axis: from the point of interest to the axis, mm; 0 along the axis and for
-        a linear one.
+        (3,) from the point of interest to a rotary axis, mm; 0 along the axis and for a linear
+        axis.
     """
 
     axis: str
@@ -175,7 +177,7 @@ class ErrorMotions:
 
     @property
     def names(self) -> list[str]:
-        """EXX, EYX, ... in the order of the components."""
+        """The names EXX, EYX, ... in the order of the components."""
         return [f"E{letter}{self.axis}" for letter in LETTERS]
 
     @property
@@ -195,18 +197,19 @@ def measure_error_motions(
     test: AxisTest,
     is_tracked: bool = False,
 ) -> ErrorMotions:
-    """Compute the error motions of an axis and how uncertain they are together.
+    """Compute the error motions of an axis and draws of their errors.
 
     Parameters
     ----------
     sensor, knowledge
-        The sensor, and what was known of its beam, with which the poses were solved.
+        The sensor, and the knowledge of its beam with which the poses were solved.
     visits
-        The stands of the axis.
+        The dwells of the axis.
     test
         The axis, the point of interest and the object's axes, and the reference of straightness.
     is_tracked
-        Whether the beam followed the mirror. Its position then errs differently at each stand.
+        Whether the beam followed the mirror, so that the error of its position differs from dwell
+        to dwell.
 
     Returns
     -------
@@ -228,11 +231,11 @@ def measure_error_motions(
 
 
 class FittedErrors(NamedTuple):
-    """Errors (k, 6) of stands, from which the set-up is removed, and what this took.
+    """Errors of dwells without the set-up, and the matrices that remove it.
 
-    frame, offset: as in `ErrorMotions`.  slopes: (k, 6, 6) derivatives of the deviations, before
-    the removal, by the mirror's pose.  design, solver: (6 k, q) and (q, 6 k), with which the set-up
-    is removed.
+    values: (k, 6).  frame, offset: as in `ErrorMotions`.  slopes: (k, 6, 6) derivatives of the
+    deviations by the mirror's pose, before the removal.  design, solver: (6 k, q) and (q, 6 k), of
+    the least-squares fit of the set-up.
     """
 
     values: Floats
@@ -244,7 +247,7 @@ class FittedErrors(NamedTuple):
 
 
 def fit_errors(visits: Visits, test: AxisTest) -> FittedErrors:
-    """The errors of the stands of a test."""
+    """Fit the set-up of a test, and remove it from the deviations of the dwells."""
     main, line = test.main, test.line
     moved, slopes, _ = object_displacements(visits.states[:, :6], np.zeros(6), test.body)
     commanded = visits.targets[visits.target]
@@ -296,7 +299,7 @@ def slopes_of_deviations(moved: Floats, commanded: Floats, main: int, frame: Flo
 
 
 def crosswise(main: int) -> tuple[int, int]:
-    """The two components across the axis that its direction changes: the straightness errors of a
+    """The two components across the axis that depend on its direction: the straightness errors of a
     linear axis, the tilts of a rotary one."""
     start = main // 3 * 3
     first, second = (n for n in range(start, start + 3) if n != main)
@@ -306,9 +309,11 @@ def crosswise(main: int) -> tuple[int, int]:
 def set_up_design(
     visits: Visits, moved: Floats, main: int, frame: Floats, line: ReferenceLine
 ) -> tuple[Floats, Floats]:
-    """The columns (6 k, q) that the set-up may add to the deviations, and the weights (6 k,) of the
-    rows in a fit: a constant of each component, two slopes of the direction, and two distances of a
-    rotary axis."""
+    """The design matrix (6 k, q) of the set-up, and the weights (6 k,) of its rows.
+
+    Its columns are a constant of each component, two slopes of the axis's direction, and two
+    distances of a rotary axis.
+    """
     count, commanded = len(moved), visits.targets[visits.target]
     columns = [np.tile(unit, count) for unit in np.eye(6)]
     weights = np.ones((count, 6))
@@ -344,11 +349,11 @@ def turn_frame(frame: Floats, main: int, slopes: Floats) -> Floats:
 def draw_pose_errors(
     sensor: Sensor, knowledge: Knowledge, visits: Visits, is_tracked: bool = False
 ) -> Floats:
-    """Draws (draws, k, 6) of the errors of the stands' poses from their joint distribution.
+    """Draw errors (draws, k, 6) of the dwells' poses from their joint distribution.
 
-    Noise is independent from stand to stand; the calibration and what was known of a beam that
-    stood still err as `lasting_covariance` says. What may or may not be the same in two visits of a
-    target from the same side counts twice, as an error of both and as one of the stand.
+    Noise is independent from dwell to dwell; the errors of the calibration and of the prior of a
+    beam at rest follow `lasting_covariance`. Errors that may or may not be equal in two visits of a
+    target from the same side are counted twice: as common to both visits, and as independent.
     """
     plan = make_plan(sensor, knowledge)
     sides, side = np.unique(2 * visits.target + visits.direction, return_inverse=True)
@@ -356,18 +361,20 @@ def draw_pose_errors(
     draws = min(MOST_DRAWS, max(400, MOST_NUMBERS // (6 * count)))
     rng = np.random.default_rng(SEED)
     used = np.ones((count, 3), dtype=bool) if visits.used is None else visits.used
-    by_stand = propagate_in_light(sensor, visits.states, plan, used)
-    noise = by_stand.noise / visits.samples[:, None, None]
+    by_dwell = propagate_in_light(sensor, visits.states, plan, used)
+    noise = by_dwell.noise / visits.samples[:, None, None]
     noise[:, :6, :6] *= np.outer(visits.excess, visits.excess)
-    noise += doubtful_covariance(sensor, by_stand, (visits.states, used), plan, is_tracked)
+    noise += doubtful_covariance(sensor, by_dwell, (visits.states, used), plan, is_tracked)
     states = np.stack([visits.states[side == n].mean(axis=0) for n in range(kinds)])
-    seen = np.stack([common_detectors(used[side == n]) for n in range(kinds)])
-    by_side = propagate_in_light(sensor, states, plan, seen)
-    again = doubtful_covariance(sensor, by_side, (states, seen), plan, is_tracked, misfit=False)
+    in_all = np.stack([common_detectors(used[side == n]) for n in range(kinds)])
+    by_side = propagate_in_light(sensor, states, plan, in_all)
+    doubtful = doubtful_covariance(
+        sensor, by_side, (states, in_all), plan, is_tracked, misfit=False
+    )
     if is_tracked:
         by_side.priors[:, :, :2] = 0.0
     lasting = lasting_covariance(sensor, by_side, states)[:, :6, :, :6]
-    lasting[np.arange(kinds), :, np.arange(kinds)] += again[:, :6, :6]
+    lasting[np.arange(kinds), :, np.arange(kinds)] += doubtful[:, :6, :6]
     common = (
         rng.standard_normal((draws, 6 * kinds))
         @ root_of_covariance(lasting.reshape(6 * kinds, -1)).T
@@ -380,19 +387,20 @@ def draw_pose_errors(
 def doubtful_covariance(
     sensor: Sensor,
     propagation: Propagation,
-    stands: tuple[Floats, Booleans],
+    dwells: tuple[Floats, Booleans],
     plan: Plan,
     is_tracked: bool,
     misfit: bool = True,
 ) -> Floats:
-    """The covariance (k, 8, 8) of errors that may or may not be the same in two visits of a target:
-    the converters' steps, the position of a beam that follows, and what a calibration could not
-    explain (with `misfit`).
+    """The covariance (k, 8, 8) of errors that may or may not be equal in two visits of a target.
 
-    stands: their states (k, 8), and the detectors used (k, 3).
+    They are those of the converters' steps, of the position of a beam that follows the mirror, and,
+    with `misfit`, the unexplained residuals of a calibration.
+
+    dwells: their states (k, 8), and whether each detector was used (k, 3).
     """
     unit = Calibration(MISFIT, tuple(map(tuple, np.eye(9).tolist())))
-    gain = propagate(sensor, unit, *stands, plan).slopes
+    gain = propagate(sensor, unit, *dwells, plan).slopes
     assert gain is not None
     variances = np.zeros((len(gain), 9))
     if sensor.electronics is not None:
@@ -402,7 +410,7 @@ def doubtful_covariance(
         for name, size in zip(sensor.calibration.names, sizes, strict=True):
             if name in MISFIT:
                 variances[:, MISFIT.index(name)] += size
-    whole = carry(gain, variances[:, None, :] * np.eye(9))
+    covariance = carry(gain, variances[:, None, :] * np.eye(9))
     if is_tracked:
-        whole += carry(propagation.priors[:, :, :2], np.eye(2))
-    return whole
+        covariance += carry(propagation.priors[:, :, :2], np.eye(2))
+    return covariance

@@ -7,9 +7,9 @@ clause 3 of ISO 230-2:2014, which applies to linear and rotary axes alike.
 All quantities but the mean reversal error are seminorms of x: they scale with it, and Q(x + e) <=
 Q(x) + Q(e). The measured quantity therefore differs from that of the true deviations by no more
 than Q(e), e being the errors of the measurement. Where the axis errs by much more than the sensor,
-the difference is far smaller, and is nearly linear in e. Both are covered by drawing e from its
-joint distribution and taking the 95.45 % quantile (coverage factor 2) of |Q(t + e) - Q(t)| at
-deviations t near the true ones: the measured deviations without the share that e has in them.
+the difference is far smaller, and is nearly linear in e. Both cases are covered by drawing e from
+its joint distribution and taking the 95.45 % quantile (coverage factor 2) of |Q(t + e) - Q(t)|.
+Here t are deviations near the true ones: the measured ones less the estimated contribution of e.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ import numpy as np
 from ..core import Floats
 from ..estimation import finite_means
 
-#: The probability that an expanded uncertainty covers the error, of a coverage factor of 2.
+#: Coverage probability of expanded uncertainties: that of a coverage factor of 2.
 COVERAGE = 0.9545
-#: Runs in each direction that the standard test has (ISO 230-2:2014, 5.3).
+#: Number of runs in each direction in the standard's test (ISO 230-2:2014, 5.3).
 STANDARD_RUNS = 5
 
 
 class Quantity(NamedTuple):
-    """A number of a test with its expanded uncertainty (k = 2); NaN where it is not defined."""
+    """A quantity of a test with its expanded uncertainty (k = 2); NaN if it is not defined."""
 
     name: str
     symbol: str
@@ -43,7 +43,7 @@ def unidirectional_means(x: Floats) -> Floats:
 
 
 def standard_deviations_of_runs(x: Floats) -> Floats:
-    """Estimators s of the unidirectional repeatability (..., m, 2); NaN of fewer than two runs."""
+    """Estimators s of the unidirectional repeatability (..., m, 2); NaN for fewer than two runs."""
     there = np.isfinite(x)
     count = there.sum(axis=-1)
     squares = np.where(there, (x - finite_means(x)[..., None]) ** 2, 0.0).sum(axis=-1)
@@ -66,7 +66,7 @@ def bidirectional_means(x: Floats) -> Floats:
 
 
 def largest(values: Floats) -> Floats:
-    """The largest number of the last axis, without missing ones; NaN if there is none."""
+    """The largest number along the last axis, without missing ones; NaN if all are missing."""
     most: Floats = np.fmax.reduce(values, axis=-1)
     return most
 
@@ -177,8 +177,11 @@ def evaluate_positioning(x: Floats, errors: Floats) -> list[Quantity]:
 
 
 def components(x: Floats) -> list[Floats]:
-    """Parts (..., m, 2, n) of deviations that add up to them: the mean line of the bidirectional
-    means, their distances from it, the mean reversal, its changes, and the scatter of the runs."""
+    """Split deviations (..., m, 2, n) into parts of this shape that add up to them.
+
+    The parts are the mean line of the bidirectional means, the distances from it, the mean
+    reversal, its changes, and the scatter of the runs.
+    """
     means = unidirectional_means(x)
     middle, half = finite_means(means), np.nan_to_num(reversals(x)) / 2
     count = x.shape[-3]
@@ -196,8 +199,11 @@ def components(x: Floats) -> list[Floats]:
 
 
 def remove_noise(x: Floats, errors: Floats) -> Floats:
-    """Deviations (m, 2, n) nearer to the true ones: the mean square of each component is reduced by
-    that which the errors (draws, m, 2, n) reach in one draw of a hundred."""
+    """Estimate the true deviations (m, 2, n) from measured ones.
+
+    The mean square of each component is reduced by the one that the errors (draws, m, 2, n) exceed
+    in one draw of a hundred.
+    """
     nearer = np.zeros_like(x)
     for part, noise in zip(components(x), components(errors), strict=True):
         there = np.isfinite(part)

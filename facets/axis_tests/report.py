@@ -1,4 +1,4 @@
-"""The result of a test of an axis: quantities, tables and what needs attention."""
+"""The result of a test of an axis: quantities, tables and notes."""
 
 from __future__ import annotations
 
@@ -38,15 +38,14 @@ from .visits import PoseSeries, VisitCounts, find_visits, read_commands, read_se
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-#: A beam whose position varies by more than this between stands was carried by a stage.
+#: A beam whose position varies by more than this between dwells was moved by a stage.
 STILL_BEAM_MM = 0.02
 #: Largest angle between an axis under test and the object's axis, degrees.
 LARGEST_LEAN_DEG = 10.0
-#: Scatter within stands, over the sensor's noise, that is reported.
+#: Scatter within dwells, over the sensor's noise, that is reported.
 LARGE_EXCESS = 2.0
-#: The sensor's part in the result is reported where the expanded uncertainty of the accuracy is
-#: more than this share of it.
-LARGE_SHARE = 1 / 3
+#: The expanded uncertainty of the accuracy is reported as large above this fraction of it.
+LARGE_FRACTION = 1 / 3
 
 
 @show_shortly
@@ -57,21 +56,21 @@ class AxisReport:
     Attributes
     ----------
     motions
-        The error motions at all stands.
+        The error motions at all dwells.
     visits
-        The stands.
+        The dwells.
     counts
-        Numbers of stands, commands and rows that were left out.
+        Numbers of excluded dwells, commands and rows.
     line
         The reference of straightness or tilt.
     has_commands
-        Whether the commanded positions were given; without them the scale is unknown.
+        Whether commanded positions were given; without them the scale is unknown.
     is_calibrated
-        Whether the sensor's calibration, with its covariance, is known.
+        Whether the sensor has a calibration with its covariance.
     disturbances
-        Stands that are far off, and drift.
+        Outlying dwells, and drift.
     undisturbed
-        The report without stands far off and without drift; None if there are neither.
+        The report without outliers and drift; None if there are none.
     """
 
     motions: ErrorMotions
@@ -93,8 +92,8 @@ class AxisReport:
 
     @cached_property
     def quantities(self) -> list[list[Quantity]]:
-        """The quantities of each component, in mm and rad; those of the main one are those of ISO
-        230-2."""
+        """The quantities of each component, in mm and rad; those of the main component are those
+        of ISO 230-2."""
         pairs = zip(self.motions.values, self.motions.draws, strict=True)
         return [evaluate_positioning(x, errors) for x, errors in pairs]
 
@@ -122,8 +121,8 @@ class AxisReport:
 
     @property
     def drifts(self) -> Floats:
-        """The drift (6,) of the error motions at equal positions, mm and rad: from the lowest to
-        the highest, less than 0 if the highest came first."""
+        """The range (6,) of the drift of each error motion, mm and rad; negative if the highest
+        value came first."""
         trend = self.disturbances.trend
         sizes: Floats = np.ptp(trend, axis=0) * np.sign(trend.argmax(axis=0) - trend.argmin(axis=0))
         return sizes
@@ -164,10 +163,10 @@ class AxisReport:
                                                                strict=True)}  # fmt: skip
 
     def compensation(self) -> str:
-        """The error motions as plain CSV without comments, for controllers, and without what
-        disturbed the test.
+        """The error motions as plain CSV without comments, for controllers.
 
-        The values are errors, actual less commanded: a correction has the opposite sign.
+        Outliers and drift are removed. The values are errors, actual less commanded: a correction
+        has the opposite sign.
         """
         _, factor = self.position_unit
         rows = [",".join([self.motions.axis, *self.motions.names])]
@@ -179,7 +178,7 @@ class AxisReport:
         return "\n".join(rows) + "\n"
 
     def alignment(self) -> str:
-        """A sentence on the direction of the axis, and on where a rotary one lies."""
+        """A sentence on the direction of the axis, and on the position of a rotary one."""
         main = self.motions.main % 3
         across = [n for n in range(3) if n != main]
         names = " and ".join("XYZ"[n] for n in across)
@@ -203,13 +202,13 @@ class AxisReport:
             "stands": len(self.visits.target),
             "runs": {"up": self.runs[0], "down": self.runs[1]},
             "left_out": {
-                "stray_stands": self.counts.stray_stands,
+                "stray_stands": self.counts.stray_dwells,
                 "commands_without_stand": len(self.counts.missing),
                 "rows_without_pose": self.counts.unsolved,
                 "misfits": self.counts.misfits,
             },
             "compensation": f"errors (actual less commanded) in um and urad at positions in {unit},"
-            " without drift and stands far off; a correction has the opposite sign",
+            " without drift and outlying dwells; a correction has the opposite sign",
             "notes": self.notes(),
         }
 
@@ -218,50 +217,50 @@ class AxisReport:
         return [*self.omission_notes(), *self.run_notes(), *self.trust_notes()]
 
     def omission_notes(self) -> list[str]:
-        """Notes on stands, commands and rows that were left out."""
+        """Notes on excluded dwells, commands and rows."""
         counts, sentences = self.counts, []
         unit, factor = self.position_unit
-        if counts.stray_stands:
+        if counts.stray_dwells:
             sentences.append(
-                f"Stands that belong to no command, left out: {counts.stray_stands}. Likely cause: "
+                f"Dwells that belong to no command, excluded: {counts.stray_dwells}. Likely cause: "
                 "the axis paused on its way, before the test or after it, or repeated the test."
             )
         if counts.missing:
             sentences.append(
-                f"Commanded positions without a stand: {len(counts.missing)}, the first at "
+                f"Commanded positions without a dwell: {len(counts.missing)}, the first at "
                 f"{factor * counts.missing[0]:.6g} {unit}. Likely cause: the recording ended "
-                "earlier, the axis stood still for less than --dwell, the pose was lost there, or "
+                "earlier, the axis was at rest for less than --dwell, the pose was lost there, or "
                 "the object's axis points against that of the commands, so that runs are swapped. "
                 "No compensation is written."
             )
         if counts.misfits:
             sentences.append(
-                f"Poses with a residual beyond chance, left out: {counts.misfits}; one in 10,000 "
+                f"Poses with a residual beyond chance, excluded: {counts.misfits}; one in 10,000 "
                 "is expected."
             )
         if counts.unsolved:
             sentences.append(
-                f"Rows without a pose, left out: {counts.unsolved}. Likely cause: a spot left "
+                f"Rows without a pose, excluded: {counts.unsolved}. Likely cause: a spot left "
                 "its detector or the mirror left the beam; see the statuses of `facets "
                 "replay`."
             )
         if counts.doubtful:
             sentences.append(
-                f"Stands where most rows have no pose: {len(counts.doubtful)}, the first at "
+                f"Dwells where most rows have no pose: {len(counts.doubtful)}, the first at "
                 f"{factor * counts.doubtful[0]:.6g} {unit}. Likely cause: this position is at the "
                 "end of the sensor's range; see `facets range-map`."
             )
         return sentences
 
     def run_notes(self) -> list[str]:
-        """Notes on what the number of positions and runs does not allow."""
+        """Notes on too few positions or runs, and on missing commands."""
         sentences, (up, down) = [], self.runs
         if min(up, down) < STANDARD_RUNS:
             sentences.append(
                 f"The fewest runs at a position are {up} in the positive and {down} in the "
                 f"negative direction; ISO 230-2 takes {STANDARD_RUNS} of each. "
                 + (
-                    "Quantities that need two runs or both directions leave out what lacks them."
+                    "Quantities that need two runs or both directions exclude positions without."
                     if min(up, down) < 2
                     else "Repeatabilities of few runs vary much from test to test."
                 )
@@ -279,7 +278,7 @@ class AxisReport:
         return sentences
 
     def trust_notes(self) -> list[str]:
-        """Notes on what the stated uncertainties do not hold for, or come from."""
+        """Notes on the limits and the sources of the stated uncertainties."""
         sentences = []
         if not self.is_calibrated:
             sentences.append(
@@ -291,32 +290,32 @@ class AxisReport:
         for kind, part in (("shifts", excess[:3]), ("angles", excess[3:])):
             if part.max() > LARGE_EXCESS:
                 sentences.append(
-                    f"Within stands the {kind} scatter {part.max():.2g} times as much as the "
+                    f"Within dwells the {kind} scatter {part.max():.2g} times as much as the "
                     "sensor's noise, which the uncertainties include. Likely cause: vibration, or "
                     "an axis that still settles."
                 )
         accuracy = self.quantities[self.motions.main][-1]
-        if accuracy.expanded > LARGE_SHARE * accuracy.value:
+        if accuracy.expanded > LARGE_FRACTION * accuracy.value:
             sentences.append(
                 "The expanded uncertainty of the accuracy A is more than a third of it: much of "
-                "what is seen is the sensor's. Longer stands and more runs reduce the noise's part."
+                "what is seen is the sensor's. Longer dwells and more runs reduce the noise's part."
             )
         return sentences
 
     def disturbance_notes(self) -> list[str]:
-        """Notes on stands that are far off and on drift, with the quantities without them."""
+        """Notes on outlying dwells and on drift, with the quantities without them."""
         sentences, (unit, factor) = [], self.position_unit
         far, names = self.disturbances.is_far, self.motions.names
         if far.any():
-            stands = "; ".join(
+            dwells = "; ".join(
                 f"at {factor * self.motions.targets[self.visits.target[k]]:.6g} {unit} "
                 f"({self.visits.time[k]:.4g} s), {self.write_sizes(distances)}"
                 for k, distances in enumerate(self.disturbances.distances)
                 if far[k]
             )
             sentences.append(
-                f"Stands far off the others of their position and direction: {stands}. Likely "
-                "cause: a knock, dirt, or a stand that was not reached."
+                f"Dwells far from the others of their position and direction: {dwells}. Likely "
+                "cause: a knock, dirt, or a dwell that was not reached."
             )
         if self.drifts.any():
             sentences.append(
@@ -338,7 +337,7 @@ class AxisReport:
         return sentences
 
     def write_sizes(self, sizes: Floats) -> str:
-        """The sizes of those error motions (6,), mm and rad, that are not 0, in words."""
+        """Format the sizes (6,) of error motions, mm and rad, that are not 0."""
         return ", ".join(
             f"{name} by {scale * size:+.3g} {write_micro(unit)}"
             for n, (name, size) in enumerate(zip(self.motions.names, sizes, strict=True))
@@ -353,18 +352,18 @@ def evaluate_axis(
     series: PoseSeries,
     test: AxisTest,
 ) -> AxisReport:
-    """Evaluate a test of an axis: find its stands, and compute its error motions.
+    """Evaluate a test of an axis: find its dwells, and compute its error motions.
 
     Parameters
     ----------
     sensor, knowledge
-        The sensor and what was known of its beam, such as `config.sensor` and
+        The sensor and the knowledge of its beam, such as `config.sensor` and
         `config.solve.knowledge(config.sensor)`.
     series
         The solved poses in time.
     test
         The setting: the axis and its commands, the point of interest, the reference of
-        straightness, and the shortest stand, such as `AxisTest("X", commands)`.
+        straightness, and the shortest dwell, such as `AxisTest("X", commands)`.
 
     Returns
     -------
@@ -374,7 +373,7 @@ def evaluate_axis(
     Raises
     ------
     InputError
-        If no stands are found, they do not belong to the commands or to this axis, or the axis
+        If no dwells are found, they do not belong to the commands or to this axis, or the axis
         leans by more than 10 degrees from the object's.
     """
     plan = make_plan(sensor, knowledge)
@@ -423,10 +422,10 @@ def measure_axis(
     axis
         X, Y or Z: it moves along this axis of the object; A, B or C: it rotates about X, Y or Z.
     commands
-        The commanded positions in their order, one row for each stand: position_mm (or another unit
+        The commanded positions in their order, one row for each dwell: position_mm (or another unit
         of length or angle) and, optionally, direction. None: equally spaced positions are found.
     dwell
-        The shortest time for which the axis stands still, s.
+        Duration of the shortest dwell, s.
 
     Returns
     -------
@@ -436,7 +435,7 @@ def measure_axis(
     Raises
     ------
     InputError
-        If a column is missing, or the axis does not stand still at two positions or more.
+        If a column is missing, or the axis has dwells at fewer than two positions.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Where an axis stood in a series of poses, and which commanded position each stand belongs to.
+"""Find the dwells of an axis in a series of poses, and the commanded position of each.
 
-Stands are found in the coordinate along the axis. Their places, less a common offset, name the
-nearest commanded positions; this sequence is compared with the commanded one, so that a stand which
-nobody commanded, and a commanded position without a stand, are left out and counted instead of
-shifting all others.
+Dwells are found in the coordinate along the axis. Each belongs to the commanded position nearest to
+its own, after a common offset. The sequence of these positions is aligned with the commanded one,
+so that dwells without a command, and commanded positions without a dwell, are counted and excluded
+instead of shifting all others.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ from ..estimation import (
 from ..files import Source, join_columns, read_chunks, read_words
 from .error_motions import LETTERS, AxisTest, Commands, Visits
 
-#: Columns of a table of commands, with the unit in that of the code.
+#: Columns of a table of commands, and their units in mm or rad.
 POSITIONS = {
     "position_mm": 1.0, "position_um": 1e-3, "position_mrad": 1e-3, "position_urad": 1e-6,
     "position_deg": np.pi / 180,
 }  # fmt: skip
-#: How many of the first stands and commands are tried as each other's partner.
-FIRST_STANDS = 4
-#: Least ratio of the measured way to the commanded one, and the inverse of the largest.
+#: Number of the first dwells and commands that are tried as each other's partner.
+FIRST_DWELLS = 4
+#: Least ratio of the measured travel to the commanded one, and the inverse of the largest.
 LEAST_SCALE = 0.8
-#: A smaller excursion before a stand, over the distance of positions, is an overshoot of the axis,
-#: and not the side from which it came.
-OVERSHOOT_SHARE = 0.05
-#: Rows of a stand from which the scatter of its parts is taken.
+#: An excursion before a dwell is an overshoot, which does not show the direction of the approach,
+#: below this fraction of the distance between positions.
+OVERSHOOT_FRACTION = 0.05
+#: Least number of rows of a dwell for the scatter of its parts.
 SCATTER_ROWS = 32
-#: Gaps between positions are more than this many times as wide as the widest gap within one.
+#: Gaps between positions are this many times as wide as the widest gap within one, or more.
 CLUSTER_RATIO = 3.0
-#: Largest deviation of equal steps from their mean, where no command says the positions.
+#: Largest deviation of equal steps from their mean, relative to it, without commanded positions.
 UNEVEN_STEPS = 0.2
 
 
@@ -66,9 +66,9 @@ class PoseSeries:
     states
         (n, 8) mm and rad; NaN without a pose.
     misfit
-        (n,) whether the residual is beyond chance; such a row is left out.
+        (n,) whether the residual is beyond chance; such rows are excluded.
     used
-        (n, 3) detectors that took part; None: all.
+        (n, 3) whether each detector took part; None for all.
     """
 
     time: Floats
@@ -78,21 +78,25 @@ class PoseSeries:
 
     @property
     def has_pose(self) -> Booleans:
-        """Whether a row has all six numbers of a pose (n,)."""
+        """Whether each row has all six numbers of a pose: (n,)."""
         return np.asarray(np.isfinite(self.states[:, :6]).all(axis=1))
 
     def usable(self) -> PoseSeries:
-        """The series with NaN in rows that do not fit or lack a number."""
+        """The series with NaN in rows with a misfit or without a pose."""
         good = self.has_pose & ~self.misfit
         return replace(self, states=np.where(good[:, None], self.states, np.nan))
 
 
 @dataclass(frozen=True)
 class VisitCounts:
-    """Numbers of what was left out: stands without a command, commands without a stand, rows
-    without a pose, and with a misfit; and stands with fewer poses than rows without."""
+    """Counts of excluded data.
 
-    stray_stands: int = 0
+    stray_dwells: number of dwells without a command.  missing: commanded positions without a dwell.
+    unsolved, misfits: number of rows without a pose, and with a misfit.  doubtful: positions of
+    dwells in which less than half of the rows have a pose.
+    """
+
+    stray_dwells: int = 0
     missing: tuple[float, ...] = ()
     unsolved: int = 0
     misfits: int = 0
@@ -100,7 +104,7 @@ class VisitCounts:
 
 
 def series_of_columns(columns: dict[str, Any], clock: str = "host_s") -> PoseSeries:
-    """The poses of a table's or a recording's columns.  clock: the column of times, s."""
+    """Make a series from the columns of a table or a recording.  clock: the column of times, s."""
     time = columns[clock]
     zero = np.zeros(len(time))
     states = np.column_stack([columns.get(name, zero) for name in STATE_COLUMNS]) * STATE_UNITS
@@ -110,8 +114,8 @@ def series_of_columns(columns: dict[str, Any], clock: str = "host_s") -> PoseSer
 
 def read_series(path: Source) -> PoseSeries:
     """Read a table of poses in time, such as `facets solve` and `facets replay` write."""
-    beside = (*STATE_COLUMNS[6:], "time_s", "host_s", "misfit")
-    parts = [chunk.columns for chunk in read_chunks(path, STATE_COLUMNS[:6], beside)]
+    optional = (*STATE_COLUMNS[6:], "time_s", "host_s", "misfit")
+    parts = [chunk.columns for chunk in read_chunks(path, STATE_COLUMNS[:6], optional)]
     rows = sum(len(part[STATE_COLUMNS[0]]) for part in parts)
     name = next((name for name in ("time_s", "host_s") if parts and name in parts[0]), None)
     if name is None:
@@ -132,11 +136,11 @@ def read_series(path: Source) -> PoseSeries:
 
 
 def read_commands(path: Source, axis: str) -> Commands:
-    """Read a table of commanded positions, a row for each stand.
+    """Read a table of commanded positions with one row for each dwell.
 
-    The column is `position_mm` or `position_um` of a linear axis, `position_mrad`, `position_urad`
-    or `position_deg` of a rotary one; `direction` (1 or -1), if there is one, says from where the
-    position is approached.
+    The column is `position_mm` or `position_um` for a linear axis, `position_mrad`,
+    `position_urad` or `position_deg` for a rotary one. An optional column `direction` (1 or -1)
+    gives the direction of the approach.
     """
     parts = [chunk.columns for chunk in read_chunks(path, (), (*POSITIONS, "direction"))]
     positions = read_positions(path, parts, axis)
@@ -177,8 +181,10 @@ def read_positions(path: Source, parts: list[dict[str, Floats]], axis: str) -> F
 
 
 def approach_directions(positions: Floats) -> Integers:
-    """The direction (k,) of the move to each position, 0 positive, 1 negative; where an end is
-    visited twice, or at the beginning, the direction of the next move."""
+    """The direction (k,) of the move to each position: 0 positive, 1 negative.
+
+    At the beginning, and at an end that is visited twice, it is the direction of the next move.
+    """
     signs = np.sign(np.diff(positions, prepend=positions[:1]))
     ahead = np.sign(np.diff(positions, append=positions[-1:]))
     signs = np.where(signs == 0, ahead, signs)
@@ -190,10 +196,10 @@ def approach_directions(positions: Floats) -> Integers:
 def find_visits(
     series: PoseSeries, test: AxisTest, sensor: Sensor, plan: Plan
 ) -> tuple[Visits, VisitCounts]:
-    """Find the stands of an axis under test and the commanded position of each.
+    """Find the dwells of an axis under test and the commanded position of each.
 
-    Raises `InputError` where the axis does not stand still, moves along another one, or where no
-    two stands belong to different positions.
+    Raises `InputError` if the axis does not rest, if another axis moved further, or if all dwells
+    belong to one position.
     """
     good = series.usable()
     moved, _, _ = object_displacements(good.states[:, :6], np.zeros(6), test.body)
@@ -203,36 +209,36 @@ def find_visits(
     parts = find_axis_dwells(place, max(2, round(test.shortest_s * rate)))
     if len(parts) < 2:
         raise InputError(
-            f"the axis stands still {len(parts)} times for {test.shortest_s:g} s or more; needed: "
-            "2. Shorter stands are found with a smaller --dwell"
+            f"the axis is at rest {len(parts)} times for {test.shortest_s:g} s or more; needed: "
+            "2. Shorter dwells are found with a smaller --dwell"
         )
     places = np.array([mean(place[part]) for part in parts])
-    known = equal_positions(places) if test.commands is None else test.commands.positions
-    least = OVERSHOOT_SHARE * np.diff(np.unique(known)).min(initial=np.inf)
-    directions = measured_directions(place, parts, least)
-    commands, partner = match_stands(places, test.commands, directions)
+    positions = equal_positions(places) if test.commands is None else test.commands.positions
+    overshoot = OVERSHOOT_FRACTION * np.diff(np.unique(positions)).min(initial=np.inf)
+    directions = measured_directions(place, parts, overshoot)
+    commands, partner = match_dwells(places, test.commands, directions)
     is_measured = (partner >= 0) & (directions >= 0)  # the poses decide, not the commands
     approached = commands.direction.copy()
     approached[partner[is_measured]] = directions[is_measured]
     commands = replace(commands, direction=approached)
-    kept = [part for part, command in zip(parts, partner, strict=True) if command >= 0]
+    matched = [part for part, command in zip(parts, partner, strict=True) if command >= 0]
     rows = np.isfinite(place)
     doubtful = [
         float(places[n]) for n, part in enumerate(parts) if partner[n] >= 0
         and 2 * rows[part].sum() < part.stop - part.start
     ]  # fmt: skip
     counts = VisitCounts(
-        stray_stands=len(parts) - len(kept),
+        stray_dwells=len(parts) - len(matched),
         missing=tuple(np.delete(commands.positions, partner[partner >= 0]).tolist()),
         unsolved=int((~series.has_pose).sum()),
         misfits=int(series.misfit.sum()),
         doubtful=tuple(doubtful),
     )
-    return make_visits(good, kept, commands, partner[partner >= 0], sensor, plan), counts
+    return make_visits(good, matched, commands, partner[partner >= 0], sensor, plan), counts
 
 
 def check_axis(moved: Floats, axis: str) -> None:
-    """Raise `InputError` if nothing was solved or another axis moved further."""
+    """Raise `InputError` if there is no pose, or if another axis moved further."""
     if not np.isfinite(moved).any():
         raise InputError("no row has a pose; see the statuses of `facets solve` or `facets replay`")
     main = LETTERS.index(axis)
@@ -250,27 +256,31 @@ def check_axis(moved: Floats, axis: str) -> None:
         )
 
 
-def measured_directions(place: Floats, parts: list[slice], least: float) -> Integers:
-    """From which side an axis at `place` (n,) came to each stand, by its last row before the stand
-    that is further away than `least`: (k,), 0 or 1; that of the stand before if the axis did not
-    move, -1 if not known."""
+def measured_directions(place: Floats, parts: list[slice], overshoot: float) -> Integers:
+    """The direction (k,) of the approach to each dwell: 0 positive, 1 negative, -1 unknown.
+
+    The last row before the dwell that is further away than `overshoot` decides; if there is none,
+    the direction is that of the previous dwell.  place: (n,) coordinate of the axis.
+    """
     directions = np.full(len(parts), -1)
     begin = 0
     for n, part in enumerate(parts):
-        way = place[begin : part.start] - mean(place[part])
-        far = way[np.abs(way) > least]
+        distance = place[begin : part.start] - mean(place[part])
+        far = distance[np.abs(distance) > overshoot]
         directions[n] = int(far[-1] > 0) if len(far) else directions[n - 1] if n else -1
         begin = part.start
     return directions
 
 
-def match_stands(
+def match_dwells(
     places: Floats, commands: Commands | None, directions: Integers
 ) -> tuple[Commands, Integers]:
-    """The commands, and the command (k,) of each stand at `places` (k,), -1 if none.
+    """Match dwells at `places` (k,) with commands.
 
-    directions: (k,) from which side the stands were approached, as `measured_directions`; they
-    decide where two stands may belong to a command.
+    directions: (k,) as from `measured_directions`; they decide between dwells that may belong to
+    the same command.
+
+    Returns the commands, and the number of each dwell's command (k,), -1 if it has none.
     """
     if commands is None:
         positions = equal_positions(places)
@@ -281,8 +291,8 @@ def match_stands(
     middle = [(places.max() + places.min() - targets[-1] - targets[0]) / 2]
     pairs = [
         place - position
-        for place in places[:FIRST_STANDS]
-        for position in commands.positions[:FIRST_STANDS]
+        for place in places[:FIRST_DWELLS]
+        for position in commands.positions[:FIRST_DWELLS]
     ]
     agrees = directions[:, None] == commands.direction
     best = max((match_by_offset(places, offset, targets, labels, agrees)
@@ -301,13 +311,13 @@ def match_stands(
         or not LEAST_SCALE < scale < 1 / LEAST_SCALE
     ):
         raise InputError(
-            f"the {len(places)} stands, from {places.min():.4g} to {places.max():.4g}, do not "
+            f"the {len(places)} dwells, from {places.min():.4g} to {places.max():.4g}, do not "
             f"belong to the {len(labels)} commanded positions, from {targets[0]:.4g} to "
             f"{targets[-1]:.4g} (mm or rad), {ratio:.4g} times as far; check the unit and the sign "
             "of the table, whether it holds diameters, whether the object's axis lies along this "
-            "one, and whether the axis stood still at each position for the time of --dwell"
+            "one, and whether the axis was at rest at each position for the time of --dwell"
         )
-    # An offset by the first stand has that stand's error: the median of all is nearer.
+    # An offset from one dwell contains the error of that dwell: the median of all is more accurate.
     offset = float(np.median(places[matched] - partner))
     return commands, match_by_offset(places, offset, targets, labels, agrees)
 
@@ -315,18 +325,21 @@ def match_stands(
 def match_by_offset(
     places: Floats, offset: float, targets: Floats, labels: Integers, agrees: Booleans
 ) -> Integers:
-    """The command (k,) of each stand, -1 if none, for places that are off by `offset`.  agrees: as
-    in `align_sequences`."""
+    """Match dwells at `places` (k,), less an offset, with the nearest targets.
+
+    labels, agrees: as in `align_sequences`. Returns the number of each dwell's command (k,), -1 if
+    it has none.
+    """
     nearest = np.argmin(np.abs(places[:, None] - offset - targets), axis=1)
     far = np.abs(places - offset - targets[nearest]) > np.diff(targets).min() / 2
     return align_sequences(np.where(far, -1, nearest), labels, agrees)
 
 
 def align_sequences(names: Integers, labels: Integers, agrees: Booleans) -> Integers:
-    """The partner among `labels` (n,) of each of `names` (k,), in the same order, -1 if none: (k,).
+    """Align two sequences: the number (k,) of each name's partner among the labels, -1 if none.
 
-    As many as possible have a partner, and of these as many as possible one with which they agree.
-    agrees: (k, n).
+    Partners are equal and in the same order. As many names as possible have a partner, and as many
+    of these as possible agree with it.  names: (k,).  labels: (n,).  agrees: (k, n).
     """
     weights = (len(names) + 1) * (names[:, None] == labels)
     weights += (weights > 0) & agrees
@@ -349,23 +362,23 @@ def align_sequences(names: Integers, labels: Integers, agrees: Booleans) -> Inte
 
 
 def equal_positions(places: Floats) -> Floats:
-    """The positions (k,) of stands at equally spaced targets, from the places alone.
+    """The nominal positions (k,) of dwells at equally spaced targets, from the measured places.
 
-    The mean step is that of the places, so that an error of scale cannot be seen.
+    The step is the mean of the measured ones, so that an error of scale does not show.
     """
     order = np.sort(places)
     gaps = np.diff(order)
     large = np.sort(gaps)[::-1]
     jumps = large[:-1] > CLUSTER_RATIO * large[1:]
-    apart = int(np.argmax(jumps)) + 1 if jumps.any() else len(gaps)  # gaps between targets
-    borders = (order[:-1] + order[1:])[gaps >= large[apart - 1]] / 2
+    between = int(np.argmax(jumps)) + 1 if jumps.any() else len(gaps)  # gaps between targets
+    borders = (order[:-1] + order[1:])[gaps >= large[between - 1]] / 2
     number = np.searchsorted(borders, places)
     slope, start = np.polyfit(number, places, 1)
     means = np.array([places[number == n].mean() for n in range(len(borders) + 1)])
     uneven = np.abs(np.diff(means) / slope - 1)
     if len(uneven) and uneven.max() > UNEVEN_STEPS:
         raise InputError(
-            "the stands are not equally spaced (steps from "
+            "the dwells are not equally spaced (steps from "
             f"{np.diff(means).min():.4g} to {np.diff(means).max():.4g} mm or rad); say where the "
             "axis was sent with --commands"
         )
@@ -381,7 +394,7 @@ def make_visits(
     sensor: Sensor,
     plan: Plan,
 ) -> Visits:
-    """The stands at `parts`, which belong to the commands `partner` (k,)."""
+    """Make the visits from the rows of dwells, which belong to the commands `partner` (k,)."""
     targets, target = np.unique(commands.positions[partner], return_inverse=True)
     direction = commands.direction[partner]
     run = np.zeros_like(target)
@@ -407,8 +420,10 @@ def make_visits(
 
 
 def excess_scatter(series: PoseSeries, parts: list[slice], noise: Floats) -> Floats:
-    """The scatter (6,) of the means of parts of stands, over that of the sensor's noise; 1 or more,
-    and 1 where stands have too few rows to tell.  noise: its covariance (k, 8, 8) at the stands."""
+    """The scatter (6,) of the means of parts of dwells over that of the sensor's noise, 1 or more.
+
+    It is 1 if the dwells have too few rows.  noise: (k, 8, 8) covariance of the sensor's noise.
+    """
     rows = [series.states[part, :6] for part in parts]
     rows = [some[np.isfinite(some[:, 0])] for some in rows]
     long = [n for n, some in enumerate(rows) if len(some) >= SCATTER_ROWS]

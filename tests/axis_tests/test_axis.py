@@ -22,7 +22,7 @@ from facets.axis_tests import (
     evaluate_axis,
     evaluate_positioning,
     find_visits,
-    match_stands,
+    match_dwells,
     measure_error_motions,
     read_commands,
     read_series,
@@ -155,7 +155,7 @@ def test_stands_are_matched_with_commands_though_some_lack_and_some_are_stray():
     poses.misfit[400:403] = True
     commands = np.array([0, 1, 2, 3, 3, 2, 1, 0, 1, 2, 2.0])  # 3 was reached once, 7 not commanded
     found, counts = visit(poses, commands)
-    assert (counts.stray_stands, counts.missing) == (1, (2.0,))
+    assert (counts.stray_dwells, counts.missing) == (1, (2.0,))
     assert (counts.unsolved, counts.misfits) == (10, 3)
     np.testing.assert_array_equal(found.targets[found.target], commands[:10])
     np.testing.assert_array_equal(found.direction, [1, 0, 0, 0, 1, 1, 1, 1, 0, 0])  # from 7
@@ -168,7 +168,7 @@ def test_without_commands_the_stands_are_equally_spaced():
     np.testing.assert_allclose(np.diff(found.targets), [1] * 4, atol=0.01)
     np.testing.assert_array_equal(found.direction, [0] * 5 + [1] * 4 + [0] * 3)
     with pytest.raises(InputError, match="not equally spaced"):
-        match_stands(np.array([0, 1, 2.5, 0, 1, 2.5]), None, np.zeros(6, int))
+        match_dwells(np.array([0, 1, 2.5, 0, 1, 2.5]), None, np.zeros(6, int))
     notes = evaluate_axis(SENSOR, KNOWN, poses, AxisTest("Z", shortest_s=0.1)).notes()
     assert any("An error of scale cannot be seen" in note for note in notes)
 
@@ -182,7 +182,7 @@ def test_what_cannot_be_a_test_of_the_axis_is_refused():
     for words, *given in (
         ("no row has a pose", blind),
         (r"moved .* along Z; name the axis that moved", poses, UP_AND_DOWN, "X"),
-        (r"stands still . times", still, None),
+        (r"is at rest . times", still, None),
         ("0.001 times", poses, 1000 * UP_AND_DOWN),
         ("2 times as far", poses, 0.5 * UP_AND_DOWN),
         ("check the unit", poses, 1.25 * UP_AND_DOWN),
@@ -240,11 +240,11 @@ def test_the_command_writes_the_errors_of_an_axis(tmp_path, run_in_process):
     positions = np.tile(UP_AND_DOWN, 3)
     write_table(tmp_path / "commands.csv", {"position_mm": np.append(positions, 3)}, {})
     status, out, _ = run_in_process(*words, "more")
-    assert (status, "Commanded positions without a stand: 1, the first at" in out) == (1, True)
+    assert (status, "Commanded positions without a dwell: 1, the first at" in out) == (1, True)
     assert not (tmp_path / "more/compensation.csv").exists()
     write_table(tmp_path / "commands.csv", {"position_mm": positions}, {})
     status, out, _ = run_in_process(*words, "out")
-    assert (status, "EZZ: 24 stands at 4 positions" in out) == (0, True)
+    assert (status, "EZZ: 24 dwells at 4 positions" in out) == (0, True)
     assert "runs at a position are 3 in the positive" in out
     reversal = re.search(r"reversal error +B +([\d.]+) ", out)
     assert float(reversal[1]) == pytest.approx(4, abs=0.3)
@@ -290,5 +290,5 @@ def test_the_poses_say_from_which_side_a_position_was_approached():
     ):
         way = np.array(way, float)
         found, counts = visit(series(way, 3, turns), np.delete(way, turns)[: len(sides)])
-        assert (counts.stray_stands, counts.missing) == (strays, ())
+        assert (counts.stray_dwells, counts.missing) == (strays, ())
         assert found.direction.tolist() == sides
