@@ -1,6 +1,6 @@
 """Model of a sensor for the certificate checker: rays and edges in interval dual numbers.
 
-It uses no code of the package; check_certificate.py lists what is trusted.
+It uses no code of the package; check_certificate.py lists what the checker relies on.
 """
 
 from __future__ import annotations
@@ -77,10 +77,10 @@ class IntervalDual:
 def rotation(roll: Any, pitch: Any, yaw: Any) -> Array:
     """Rz(yaw) Ry(pitch) Rx(roll), (3, 3)."""
     zero = roll * arb(0)
-    one = zero + arb(1)
-    x = [[one, zero, zero], [zero, roll.cos(), -roll.sin()], [zero, roll.sin(), roll.cos()]]
-    y = [[pitch.cos(), zero, pitch.sin()], [zero, one, zero], [-pitch.sin(), zero, pitch.cos()]]
-    z = [[yaw.cos(), -yaw.sin(), zero], [yaw.sin(), yaw.cos(), zero], [zero, zero, one]]
+    unit = zero + arb(1)
+    x = [[unit, zero, zero], [zero, roll.cos(), -roll.sin()], [zero, roll.sin(), roll.cos()]]
+    y = [[pitch.cos(), zero, pitch.sin()], [zero, unit, zero], [-pitch.sin(), zero, pitch.cos()]]
+    z = [[yaw.cos(), -yaw.sin(), zero], [yaw.sin(), yaw.cos(), zero], [zero, zero, unit]]
     product: Array = np.array(z) @ np.array(y) @ np.array(x)
     return product
 
@@ -125,7 +125,8 @@ def pose_of_box(box: Any) -> Array:
 
 
 def spots(rig: IntervalSensor, box: Any, light: Any) -> list[IntervalDual]:
-    """Return psi and zeta of the three detectors with derivatives at fixed shares of the light."""
+    """Return psi and zeta of the three detectors, with derivatives while the facets' shares in the
+    light are fixed."""
     pose = pose_of_box(box)
     apex, turn, out = pose[:3], rotation(*pose[3:]), []
     for k in range(3):
@@ -172,14 +173,14 @@ def openings_between(edges: list[tuple[Any, Array]]) -> list[Any]:
     return openings
 
 
-def farthest_offset(openings: list[Any], least: float) -> Fraction:
-    """Offset of the apex, in sigmas, beyond which some facet has less than its least share."""
+def farthest_offset(openings: list[Any], least_share: float) -> Fraction:
+    """Offset of the apex, in sigmas, beyond which some facet has less than the least share."""
     farthest = None
     for step in range(STEPS, 0, -1):
         distance = Fraction(FARTHEST * step, STEPS)
         far = arb(distance.numerator) / distance.denominator
-        shares = [(far * least_sine(gap) / arb(2).sqrt()).erfc() / 2 for gap in openings]
-        if not all(share < least for share in shares):
+        bounds = [(far * least_sine(gap) / arb(2).sqrt()).erfc() / 2 for gap in openings]
+        if not all(bound < least_share for bound in bounds):
             break
         farthest = distance
     refuse_unless(

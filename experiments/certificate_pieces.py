@@ -1,10 +1,10 @@
 """Check that a certificate's Jacobians are regular over its pieces and between any two states.
 
-Over a piece about x, J(p) = J(x) + slopes (p - x), with slopes over all angles of the piece and at
-the apex of x, since G is linear in the apex. Two states of
-the box with equal readings would have a kernel in common with a mean of J over the way between
-them: one of the hull of all J; and, since the mean of an affine L is its value in the middle, one
-of L(middle) + the hull of J - L.
+Over a piece about x, J(p) = J(x) + slopes (p - x). The slopes are those over all angles of the
+piece and at the apex of x, since G is linear in the apex. If two states of the box had equal
+readings, the mean of J over the segment between them would be singular. This mean lies in the hull
+of all J. It also lies in L(middle) + the hull of J - L for any affine L, since the mean of L is its
+value in the segment's middle.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .certificate_schema import Refused, refuse_unless
 #: Operations on each element of arrays of intervals.
 UNION, MAGNITUDE = np.frompyfunc(arb.union, 2, 1), np.frompyfunc(arb.abs_upper, 1, 1)
 
-#: Largest number of parts of the box that are examined as the middle of the way.
+#: Largest number of parts of the box that are examined as places of a segment's middle.
 MOST = 4000
 #: Largest number of cuts of one part to reach half of the file's margin.
 DEPTH = 8
@@ -30,9 +30,9 @@ DEPTH = 8
 
 @dataclass
 class CheckResult:
-    """Verified lower bounds of the margin and of Eq. (11)'s |det|, and the claims left.
+    """Verified lower bounds of the margin and of Eq. (11)'s |det|.
 
-    not_verified: sentences about claims that were not verified.
+    not_verified: descriptions of the claims that were not verified.
     """
 
     margin: Fraction = Fraction(0)
@@ -81,35 +81,35 @@ def as_fraction(x: Any) -> Fraction:
 def slope_of_powers(rig: IntervalSensor, content: dict[str, Any]) -> Any:
     """Lower bound of the ratio of Eq. (11) to the determinant of the 6 x 6 Jacobian.
 
-    The ratio is d(power_a, power_b) / d(bx, by); the powers depend on q = across . (t - b) / sigma.
-    So q turns with b by the parts of the two vectors across the beam that lie in the plane of x and
-    y, whose determinant is the vertical part of their cross product: of the beam's direction. A
-    beam that leans moves less across itself than its place does in the plane.
+    The ratio is d(power_a, power_b) / d(bx, by), and the powers depend on q = across . (t - b) /
+    sigma. The derivative of q by b consists of the x and y components of the two vectors across the
+    beam. Its determinant is the vertical component of their cross product, which is the beam's
+    direction. A beam that leans moves less across itself than its place does in the plane.
     """
-    least = arb(content["light"]["slope"][0]) * rig.power.lower() ** 2
-    return least * rig.down[2].abs_lower() / (rig.sigma[0] * rig.sigma[1])
+    bound = arb(content["light"]["slope"][0]) * rig.power.lower() ** 2
+    return bound * rig.down[2].abs_lower() / (rig.sigma[0] * rig.sigma[1])
 
 
 def check_pieces(
-    rig: IntervalSensor, content: dict[str, Any], found: CheckResult
+    rig: IntervalSensor, content: dict[str, Any], result: CheckResult
 ) -> list[Jacobian]:
     """Compute the Jacobians over the pieces and check the bounds of their determinants."""
     slope, unverified = slope_of_powers(rig, content), 0
-    jacobians, least = [], []
+    jacobians, magnitudes = [], []
     for piece in content["pieces"]:
         jacobians.append(jacobian_over(rig, piece, content["light"]))
         size = determinant_of(jacobians[-1].over_piece()) * slope
         refuse_unless(not size.abs_upper() < arb(piece["at_least"]),
                       "a piece claims a larger determinant than it has")  # fmt: skip
-        least.append(least_magnitude(size))
-        unverified += least[-1] < Fraction(piece["at_least"])
-    found.determinant = min(least)
+        magnitudes.append(least_magnitude(size))
+        unverified += magnitudes[-1] < Fraction(piece["at_least"])
+    result.determinant = min(magnitudes)
     claims = min(Fraction(piece["at_least"]) for piece in content["pieces"])
     below = Fraction(content["least_determinant"]) <= claims
     refuse_unless(below or content.get("middles") is not None,
                   "least_determinant is more than its least piece claims")  # fmt: skip
     if unverified:
-        found.not_verified.append(f"the bound of the determinant in {unverified} pieces")
+        result.not_verified.append(f"the bound of the determinant in {unverified} pieces")
     return jacobians
 
 
@@ -150,16 +150,16 @@ def margin_of(matrix: Array, inverse: Any, weights: Any) -> Fraction:
     return min(margins)
 
 
-def check_hull(jacobians: list[Jacobian], content: dict[str, Any], found: CheckResult) -> None:
+def check_hull(jacobians: list[Jacobian], content: dict[str, Any], result: CheckResult) -> None:
     """Check with the file's inverse and weights that the hull of all Jacobians is regular."""
     hull = UNION.reduce([jacobian.over_piece() for jacobian in jacobians])
-    found.margin = margin_of(hull, content["inverse"], content["weights"])
-    note_margin(content, found)
+    result.margin = margin_of(hull, content["inverse"], content["weights"])
+    note_margin(content, result)
 
 
-def note_margin(content: dict[str, Any], found: CheckResult) -> None:
-    if found.margin < Fraction(content["margin"]):
-        found.not_verified.append(f"the margin of {content['margin']:.4g}")
+def note_margin(content: dict[str, Any], result: CheckResult) -> None:
+    if result.margin < Fraction(content["margin"]):
+        result.not_verified.append(f"the margin of {content['margin']:.4g}")
 
 
 class CertifiedAffine:
@@ -185,7 +185,7 @@ class CertifiedAffine:
 
 
 def check_middles(
-    rig: IntervalSensor, jacobians: list[Jacobian], content: dict[str, Any], found: CheckResult
+    rig: IntervalSensor, jacobians: list[Jacobian], content: dict[str, Any], result: CheckResult
 ) -> None:
     """Check that L(middle) + the hull of J - L is regular for every middle in the box."""
     affine, slope = CertifiedAffine(content["middles"]), slope_of_powers(rig, content)
@@ -209,10 +209,10 @@ def check_middles(
         sizes.append(max(least_magnitude(bound), least_magnitude(size)))
         refuse_unless(not size.abs_upper() < claim,
                       "least_determinant is a larger determinant than it has")  # fmt: skip
-    found.margin, found.determinant = min(margins), max(found.determinant, min(sizes))
-    if found.determinant < Fraction(content["least_determinant"]):
-        found.not_verified.append(f"the determinant's bound of {content['least_determinant']:.4g}")
-    note_margin(content, found)
+    result.margin, result.determinant = min(margins), max(result.determinant, min(sizes))
+    if result.determinant < Fraction(content["least_determinant"]):
+        result.not_verified.append(f"the determinant's bound of {content['least_determinant']:.4g}")
+    note_margin(content, result)
 
 
 def margin_by_itself(matrix: Array) -> tuple[Fraction, Any]:

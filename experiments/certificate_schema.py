@@ -25,8 +25,10 @@ KINDS = {"object": dict, "array": list, "string": str, "boolean": bool, "null": 
 def is_of_kind(value: Any, kind: str) -> bool:
     """Whether a value has this type; a Boolean is not a number, nor is NaN or infinity."""
     if kind in ("number", "integer"):
-        whole = isinstance(value, int) and not isinstance(value, bool)
-        return whole or (kind == "number" and isinstance(value, float) and math.isfinite(value))
+        is_integer = isinstance(value, int) and not isinstance(value, bool)
+        return is_integer or (
+            kind == "number" and isinstance(value, float) and math.isfinite(value)
+        )
     return isinstance(value, KINDS[kind])
 
 
@@ -57,18 +59,18 @@ def conform_record(value: dict[str, Any], schema: dict[str, Any], where: str) ->
 
 
 def conform_array(value: list[Any], schema: dict[str, Any], where: str) -> None:
-    least, most = schema.get("minItems", 0), schema.get("maxItems", math.inf)
-    refuse_unless(least <= len(value) <= most, f"{where} has {len(value)} entries; needed: {least}"
-                  f" to {most}")  # fmt: skip
+    fewest, most = schema.get("minItems", 0), schema.get("maxItems", math.inf)
+    refuse_unless(fewest <= len(value) <= most, f"{where} has {len(value)} entries; needed:"
+                  f" {fewest} to {most}")  # fmt: skip
     for number, part in enumerate(value):
         conform(part, schema["items"], f"{where}[{number}]")
 
 
 def conform_number(value: float, schema: dict[str, Any], where: str) -> None:
-    least, most = schema.get("minimum", -math.inf), schema.get("maximum", math.inf)
+    minimum, most = schema.get("minimum", -math.inf), schema.get("maximum", math.inf)
     above = schema.get("exclusiveMinimum", -math.inf)
-    inside = least <= value <= most and value > above
-    refuse_unless(inside, f"{where} is {value}; needed: {max(least, above)} to {most}")
+    inside = minimum <= value <= most and value > above
+    refuse_unless(inside, f"{where} is {value}; needed: {max(minimum, above)} to {most}")
     refuse_unless(abs(value) < 1e300, f"{where} is {value}, too large for a number of this kind")
 
 

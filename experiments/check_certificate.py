@@ -2,7 +2,7 @@
 
 `python -m facets.experiments.check_certificate results/paper-jacobian/certificate.json`
 
-What it trusts, all of it:
+It relies on the following, and on nothing else:
 
 1. the theorem in docs/uniqueness.md, and S <= 1 for a normal distribution cut to a convex set;
 2. that the sensor is as that page says: ideal light, flat facets, nothing else that cuts light;
@@ -13,12 +13,16 @@ What it trusts, all of it:
 6. that numpy's arrays of objects call the operators of their elements; its numbers are used only
    where they need not be right.
 
-It trusts no number of the file: it traces rays itself, takes derivatives by dual numbers instead of
-closed formulas, bounds the light on its own grid, compares the pieces' edges exactly, and asks:
-does the configuration have this checksum and these parameters, do the pieces fill the box, do the
-bounds of the light hold, is the hull of all Jacobians regular with the file's inverse and weights,
-or about the middle of every way, and does the box hold the range? It reports the claims that it
-could not verify. NaN fails every test; no test is an assert.
+It trusts no number of the file. It traces rays itself, takes derivatives by dual numbers instead of
+closed formulas, bounds the light on its own grid, and compares the pieces' edges exactly. It checks
+that
+
+- the configuration has this checksum and these parameters;
+- the pieces fill the box;
+- the bounds of the light are true;
+- the hull of all Jacobians is regular with the file's inverse and weights, or about every middle.
+
+It reports the claims that it could not verify. NaN fails every test; no test is an assert.
 """
 
 from __future__ import annotations
@@ -104,7 +108,8 @@ Claims = list[tuple[list[float], Any]]
 
 
 def light_on(edge: Any, opening: Any, q: Array, rays: int) -> tuple[Any, Array]:
-    """A facet's share of the light and its centroid (2,) from the apex, over a cell of offsets."""
+    """Fraction of the light on a facet, and the light's centroid (2,) less the apex, over a
+    cell."""
     mass, moment = arb(0), np.array([arb(0), arb(0)])
     for n in range(rays):
         ray = half_line(q, edge + opening * ((span(0, 1) + n) / rays))
@@ -116,7 +121,7 @@ def light_on(edge: Any, opening: Any, q: Array, rays: int) -> tuple[Any, Array]:
 
 
 def claims_in_cell(edges: Any, q: Array, shares: Any, middles: Any, light: Any) -> Claims:
-    """Pairs of the file's claims about the light and the values computed in a cell of offsets."""
+    """Pairs of a bound of the light in the file and its value computed in a cell of offsets."""
     rays = [half_line(q, edge[0]) for edge in edges]
     alpha = [cross_product(rays[e - 2].u, rays[e - 1].u) for e in range(3)]
     claims: Claims = [(light["slope"], slope_of_shares([ray.light for ray in rays], alpha))]
@@ -157,15 +162,16 @@ def slope_of_shares(lights: list[Any], alpha: list[Any]) -> Any:
 
 
 def check_cell(
-    edges: Any, openings: list[Any], q: Array, least: float, light: Any, depth: int = 0
+    edges: Any, openings: list[Any], q: Array, least_share: float, light: Any, depth: int = 0
 ) -> None:
-    """Check the file's bounds in a cell of offsets where every facet can have its least share."""
+    """Check the file's bounds in a cell of offsets, unless some facet has less than the least share
+    everywhere in it."""
     shares, middles = [], []
     for k in range(3):
-        share, middle = light_on(edges[k][0], openings[k], q, RAYS * (1 + depth // 2))
-        if share.upper() < least:
+        part, middle = light_on(edges[k][0], openings[k], q, RAYS * (1 + depth // 2))
+        if part.upper() < least_share:
             return
-        shares.append(max(share.lower(), arb(least)).union(share.upper()))
+        shares.append(max(part.lower(), arb(least_share)).union(part.upper()))
         middles.append(middle)
     if all(holds(*claim) for claim in claims_in_cell(edges, q, shares, middles, light)):
         return
@@ -173,7 +179,7 @@ def check_cell(
         depth < DEPTH, f"the bounds of the light do not hold with the apex near {q.tolist()}"
     )
     for quarter in product(*(halve(side) for side in q)):
-        check_cell(edges, openings, np.array(quarter), least, light, depth + 1)
+        check_cell(edges, openings, np.array(quarter), least_share, light, depth + 1)
 
 
 def halve(x: Any) -> list[Any]:
@@ -187,18 +193,19 @@ def parts_of(low: float, high: float, count: int) -> list[float]:
 
 
 def check_light(rig: IntervalSensor, content: dict[str, Any]) -> None:
-    """Check the bounds of the light over the square beyond which a facet lacks its least share."""
-    low, high, least = content["low"], content["high"], content["least_share"]
+    """Check the bounds of the light over a square of offsets, outside of which some facet has less
+    than the least share."""
+    low, high, least_share = content["low"], content["high"], content["least_share"]
     count = PARTS if high[5] > low[5] else 1
     for yaw in (span(*part) for part in pairwise(parts_of(low[5], high[5], count))):
         edges = edges_of(rig, [span(low[3], high[3]), span(low[4], high[4]), yaw])
         openings = openings_between(edges)
-        far = farthest_offset(openings, least)
+        far = farthest_offset(openings, least_share)
         sides = [arb(x.numerator) / x.denominator for x in
                  (far * (2 * n - CELLS) / CELLS for n in range(CELLS + 1))]  # fmt: skip
         strips = [a.union(b) for a, b in pairwise(sides)]
         for cell in product(strips, repeat=2):
-            check_cell(edges, openings, np.array(cell), least, content["light"])
+            check_cell(edges, openings, np.array(cell), least_share, content["light"])
 
 
 def check_cover(content: dict[str, Any]) -> None:
@@ -256,14 +263,14 @@ def best_cut(low: Ends, high: Ends, pieces: list[Any]) -> tuple[int, float]:
     return min(sorted(edges), key=cost)
 
 
-def check_configuration(content: dict[str, Any], found: CheckResult) -> None:
+def check_configuration(content: dict[str, Any], result: CheckResult) -> None:
     """Check the resolved configuration's checksum and that the parameters are its sensor's."""
     resolved, checksum = content["resolved"], content.get("config_sha256")
     if resolved is None:
         refuse_unless(
             checksum is None, "config_sha256 is given without its configuration, resolved"
         )
-        found.not_verified.append("that the parameters are those of any configuration")
+        result.not_verified.append("that the parameters are those of any configuration")
         return
     text = json.dumps(resolved, separators=(",", ":"), allow_nan=False)
     refuse_unless(hashlib.sha256(text.encode()).hexdigest() == checksum,
@@ -280,14 +287,14 @@ def check_configuration(content: dict[str, Any], found: CheckResult) -> None:
     )
     refuse_unless(same, "the parameters are not those of the configuration's sensor")
     for block in ("apertures", "light"):
-        given = resolved["sensor"].get(block) or {}
-        plain = all(is_off(name, value) for name, value in given.items() if name not in HARMLESS)
+        keys = resolved["sensor"].get(block) or {}
+        plain = all(is_off(name, value) for name, value in keys.items() if name not in HARMLESS)
         refuse_unless(plain, f"sensor.{block} changes the light, which the theorem does not know")
     if not all(
         is_off(name, value) or name == "reference_c"
         for name, value in (resolved["sensor"].get("temperature") or {}).items()
     ):
-        found.not_verified.append("anything at a temperature other than the sensor's reference_c")
+        result.not_verified.append("anything at a temperature other than the sensor's reference_c")
 
 
 #: Keys that are off only if null, because an aperture or a rim of zero size blocks all light.
@@ -334,8 +341,8 @@ def read(path: Path) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError) as error:
         raise Refused(f"the file cannot be read as JSON: {error}") from None
     conform(content, SCHEMA)
-    whole: dict[str, Any] = content
-    return whole
+    certificate: dict[str, Any] = content
+    return certificate
 
 
 def refuse_repeated_names(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -379,8 +386,8 @@ def check_content(content: dict[str, Any]) -> CheckResult:
         check_middles(rig, jacobians, content, result)
     if content.get("range") is not None:
         result.not_verified.append("that the box holds every pose of the range")
-    known = ("object", "facets", "seed", "command", "made", "seconds", "work")
-    result.not_verified.append(f"how it was made ({', '.join(n for n in known if n in content)})")
+    names = ("object", "facets", "seed", "command", "made", "seconds", "work")
+    result.not_verified.append(f"how it was made ({', '.join(n for n in names if n in content)})")
     return result
 
 
@@ -390,10 +397,10 @@ def intervals_of(light: dict[str, Any]) -> list[list[float]]:
     return [*rows, *turns, light["slope"]]
 
 
-def describe(found: CheckResult) -> str:
+def describe(result: CheckResult) -> str:
     """Describe the verified bounds, rounded down."""
-    margin, bound = floor(1000 * found.margin) / 1000, round_down(found.determinant)
-    unverified = "; ".join(found.not_verified)
+    margin, bound = floor(1000 * result.margin) / 1000, round_down(result.determinant)
+    unverified = "; ".join(result.not_verified)
     return "\n".join(
         [
             f"holds, with a margin of at least {margin:.3f}; |Eq. (11)| is at least {bound}",

@@ -1,4 +1,4 @@
-"""One page about a run: figures, numbers beside the paper's, checks, configurations."""
+"""The page about a run: figures, comparisons with the paper, checks and configurations."""
 
 from __future__ import annotations
 

@@ -27,8 +27,8 @@ EXPECTED = Path(__file__).parent / "expected"
 class Check:
     """The comparison of one column with its reference.
 
-    off: the largest difference over what is allowed; 1 or less repeats the reference, NaN where the
-    rows or the words themselves differ.  allowed: in words.  why: the reason for it.
+    off: the largest difference over the allowed one; 1 or less repeats the reference, NaN if rows
+    or words differ.  allowed: the allowed difference in words.  why: the reason for it.
     """
 
     column: str
@@ -45,9 +45,9 @@ class Check:
 class ExperimentResult:
     """The results of an experiment.
 
-    table, picture: files; picture is None where there is none.  That an experiment repeats says
-    that the numbers are those of the stored references, which this project made; whether they agree
-    with the paper is a question of its own, asked of each claim.
+    table, picture: files; picture is None for an experiment without one.  An experiment repeats if
+    its numbers are those of the stored references, which this project made. Whether they agree with
+    the paper is a different question, which each claim answers.
     """
 
     name: str
@@ -154,28 +154,28 @@ def check_columns(name: str, quick: bool, table: Table, claims: list[PaperClaim]
     return checks
 
 
-def check_column(column: str, found: Table, expected: Table, rule: dict[str, Any]) -> Check:
+def check_column(column: str, actual: Table, expected: Table, rule: dict[str, Any]) -> Check:
     rel, absolute = float(rule.get("rel", 0)), float(rule.get("abs", 0))
     parts = [f"{rel:g} of it"] * bool(rel) + [f"{absolute:g}"] * bool(absolute)
     allowed = " and ".join(parts) or "the same"
-    return Check(column, distance(column, found, expected, rel, absolute), allowed, rule["why"])
+    return Check(column, distance(column, actual, expected, rel, absolute), allowed, rule["why"])
 
 
-def distance(column: str, found: Table, expected: Table, rel: float, absolute: float) -> float:
+def distance(column: str, actual: Table, expected: Table, rel: float, absolute: float) -> float:
     """Largest difference over the allowed one; NaN if it has no meaning."""
-    if column not in found or column not in expected:
+    if column not in actual or column not in expected:
         return np.nan
-    here, there = found[column], expected[column]
-    if len(here) != len(there):
+    ours, theirs = actual[column], expected[column]
+    if len(ours) != len(theirs):
         return np.nan
-    if "what" in found and found["what"].tolist() != expected["what"].tolist():
+    if "what" in actual and actual["what"].tolist() != expected["what"].tolist():
         return np.nan
-    if here.dtype.kind not in "biuf" or there.dtype.kind not in "biuf":
-        return 0.0 if (here == there).all() else np.nan
-    here, there = here.astype(float), there.astype(float)
-    same = (here == there) | (np.isnan(here) & np.isnan(there))
+    if ours.dtype.kind not in "biuf" or theirs.dtype.kind not in "biuf":
+        return 0.0 if (ours == theirs).all() else np.nan
+    ours, theirs = ours.astype(float), theirs.astype(float)
+    same = (ours == theirs) | (np.isnan(ours) & np.isnan(theirs))
     with np.errstate(divide="ignore", invalid="ignore"):
-        off = np.where(same, 0.0, np.abs(here - there) / (absolute + rel * np.abs(there)))
+        off = np.where(same, 0.0, np.abs(ours - theirs) / (absolute + rel * np.abs(theirs)))
     return float(off.max(initial=0.0))
 
 
@@ -184,7 +184,7 @@ def write_references(quick: bool, folder: Path) -> None:
     rules = tolerances()
     for result in reproduce(list(EXPERIMENTS), quick, folder):
         if quick and result.repeats:
-            continue  # the same as in full
+            continue  # the references of the full run apply
         about = provenance.provenance_header(facets.load(result.config))
         kinds = {"claims": claim_table(result.claims), "table": read(readable_path(result.table))}
         for kind in rules[result.name]:

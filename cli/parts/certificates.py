@@ -24,7 +24,7 @@ def prove(claim: Claim, work: int, file: Path, about: dict[str, str]) -> dict[st
     proof.certificate.write_certificate(
         file, settings.sensor, certificate, about, settings.resolved
     )
-    is_doubted = bool(not certificate.unique and certificate.share)
+    is_doubted = bool(not certificate.unique and certificate.least_share)
     pair = look_for_pair(claim, certificate) if is_doubted else None
     for line in [*describe_set(claim, certificate), *verdict(certificate, pair)]:
         print(line)
@@ -53,5 +53,5 @@ def look_for_pair(claim: Claim, certificate: Certificate) -> AmbiguousPair | Non
     if claim.weakest is None:
         return None
     return characterization.ambiguity.find_pair_in_box(
-        claim.settings.sensor, certificate.box, certificate.share, claim.weakest
+        claim.settings.sensor, certificate.box, certificate.least_share, claim.weakest
     )

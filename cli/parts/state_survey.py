@@ -30,7 +30,7 @@ def survey_box(sensor: Sensor, domain: StateBox, states: int, seed: int) -> Surv
 
 def draw_survey(picture: Path, survey: Survey, pair: AmbiguousPair | None) -> None:
     """Draw the survey and the pair, if there are two states with light to be drawn."""
-    if survey.states - survey.dark > 1:
+    if survey.states - survey.unlit > 1:
         draw_extra(picture, pictures.singularity.survey_picture, survey, pair)
     else:
         skip_picture(picture, "it needs at least two states with light")
@@ -51,7 +51,7 @@ def report(settings: Config, domain: StateBox, survey: Survey, seconds: float) -
     print(
         f"determinant without power_c: {above} above zero, {below} below"
         + (f", {zero} zero" if zero else "")
-        + (f"; {survey.dark} states leave a detector without a reading" if survey.dark else "")
+        + (f"; {survey.unlit} states leave a detector without a reading" if survey.unlit else "")
     )
     if survey.saturated:
         print(
@@ -96,7 +96,7 @@ def search_and_report(sensor: Sensor, domain: StateBox, survey: Survey, seed: in
     else:
         print(
             "the survey allows no statement on the box, because "
-            f"{100 * survey.dark / survey.states:.3g} % of its states leave a detector without a "
+            f"{100 * survey.unlit / survey.states:.3g} % of its states leave a detector without a "
             "reading"
         )
     return weakest.state

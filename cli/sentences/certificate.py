@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def describe_set(claim: Claim, certificate: Certificate) -> list[str]:
     """Describe the states of the certificate and its assumptions."""
-    light = light_text(certificate.share, claim.largest_power)
+    light = light_text(certificate.least_share, claim.largest_power)
     lines = [f"taken: every state with {light}", "  and its pose in"]
     lines += box_lines(certificate.box.low, certificate.box.high)
     if claim.least_share is not None:
@@ -102,9 +102,9 @@ def prove_design(better: Config, work: int) -> str:
         return f"not proved that readings determine states: {error}"
     fraction = places.least_share(sensor, rules)
     certificate = proof.uniqueness.certify(sensor, box, fraction, pieces=work)
-    if not certificate.share:
+    if not certificate.least_share:
         return f"not proved that readings determine states: {certificate.reason}"
-    light = light_text(certificate.share, sensor.beam.power)
+    light = light_text(certificate.least_share, sensor.beam.power)
     states = f"states within the ranges of the axes and with {light}"
     seconds = f"({certificate.seconds:.1f} s)"
     if certificate.unique:

@@ -1,4 +1,4 @@
-"""Eq. 13: how far off the apex a beam stands whose three powers have been made equal."""
+"""Eq. 13: the offset of the beam from the apex when the three powers are equal."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ BOUND = 0.89
 
 
 def remaining_offset(sensor: facets.Sensor, turn: Any) -> float:
-    """Distance of beam and apex, in um, where Eq. (14) is zero, at a rotation (3,) in rad."""
+    """Distance of beam and apex, um, at which Eq. (14) is zero; turn: rotation (3,), rad."""
 
     def unequal(place: Any) -> Any:
         return tracking_error(facets.readings(sensor, np.array([0, 0, 0, *turn, *place]))[2::3])

@@ -1,6 +1,6 @@
-"""Eq. 7 to 9: how far the paper's irradiance on a PSD is from exact.
+"""Eq. 7 to 9: the error of the paper's irradiance on a PSD.
 
-Eq. (8) leaves out a cross term, which vanishes where the sub-beam leaves the facet level.
+Eq. (8) lacks a cross term, which is zero if the sub-beam is level.
 """
 
 from __future__ import annotations

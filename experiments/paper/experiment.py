@@ -2,13 +2,17 @@
 
 Each module of this folder named in `EXPERIMENTS` has
 
-    TITLE                what it shows
-    CONFIG               the shipped configuration that it runs
-    compute(quick)       the table, column by column; `quick` may take fewer rows
-    claims(table)        what the paper says beside what the table says
-    picture(table)       a figure; `no_picture` where the claims say all
+TITLE: the title of the experiment.
 
-The table goes to a file first, and what follows is made from the file.
+CONFIG: the shipped configuration that it runs.
+
+compute(quick): computes the table, column by column; with `quick`, possibly fewer rows.
+
+claims(table): compares the paper's numbers with those of the table.
+
+picture(table): draws a figure; `no_picture` if the claims suffice.
+
+The table is written to a file first; claims and picture are made from that file.
 """
 
 from __future__ import annotations
@@ -36,10 +40,10 @@ NEAR = 0.1
 
 
 class PaperClaim(NamedTuple):
-    """A number of the paper beside ours.
+    """A number of the paper and our value of it.
 
-    paper: the paper's value, NaN if it gives none.  why: reason for the ratio.  is_input: whether
-    the run takes the number from the paper, so that the two cannot disagree.
+    paper: the paper's value, NaN if it states none.  why: reason for the ratio.  is_input: whether
+    the run uses the paper's number, so that the two cannot disagree.
     """
 
     what: str
@@ -77,7 +81,7 @@ def experiment(name: str) -> Experiment:
 
 
 def no_picture(table: Table) -> None:
-    """The picture of an experiment whose claims say all."""
+    """The absent picture of an experiment whose claims suffice."""
 
 
 def columns_of(names: str, rows: list[Any]) -> Table:

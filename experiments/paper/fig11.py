@@ -36,10 +36,10 @@ def compute(quick: bool) -> Table:
         phase = 2 * np.pi * time / SECONDS
         motion[:, axis] = reach * np.sin(phase - np.sin(phase))  # from rest to rest
         states = simulate_following(config.sensor, config.stage, time, motion)
-        seen = add_noise(config.sensor, facets.readings(config.sensor, states), rng)
+        readings = add_noise(config.sensor, facets.readings(config.sensor, states), rng)
         place = states[:, 6:] + config.stage.accuracy * rng.standard_normal((len(time), 2))
-        known = facets.Prior(place, config.stage.accuracy)
-        poses = facets.solve(config.sensor, seen, beam=known, threads=0)
+        beam = facets.Prior(place, config.stage.accuracy)
+        poses = facets.solve(config.sensor, readings, beam=beam, threads=0)
         off = np.hypot(states[:, 0] - states[:, 6], states[:, 1] - states[:, 7])
         parts.append((states, poses.state, poses.converged, off))
     states, estimate, ok, off = (np.concatenate(part) for part in zip(*parts, strict=True))

@@ -1,4 +1,4 @@
-"""Not in the paper: where the beam stands still, x and y are known many times better."""
+"""Not in the paper: if the beam is at rest, x and y are measured many times better."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ def compute(quick: bool) -> Table:
     sensor = facets.load(CONFIG).sensor
     factors = np.array([unit_of(name)[3] for name in POSE])
     rows = []
-    for known in KNOWN:
-        how = Knowledge(beam=Prior((0.0, 0.0), known))
+    for beam_sigma in KNOWN:
+        how = Knowledge(beam=Prior((0.0, 0.0), beam_sigma))
         sigma = uncertainties(sensor, np.zeros((1, 8)), how)[0] * factors
-        rows.append((1e3 * known, *sigma))
+        rows.append((1e3 * beam_sigma, *sigma))
     return columns_of("beam_um tx_um ty_um tz_um roll_urad pitch_urad yaw_urad", rows)
 
 
 def claims(table: Table) -> list[PaperClaim]:
-    free, known = (np.flatnonzero(table["beam_um"] == um)[0] for um in (np.inf, 0.0))
+    free, still = (np.flatnonzero(table["beam_um"] == um)[0] for um in (np.inf, 0.0))
     results = []
     for axis, paper in zip(("tx", "ty"), RESOLUTION, strict=False):
         fine = 2 * table[f"{axis}_um"]
@@ -46,7 +46,7 @@ def claims(table: Table) -> list[PaperClaim]:
             PaperClaim(f"resolution in {axis} at rest; beam free", "um", paper,
                   fine[free], "the paper's own is between the two: its beam stood still"),
             PaperClaim(f"resolution in {axis} at rest; beam known", "um", paper,
-                  fine[known], "the powers then tell the apex's offset alone"),
+                  fine[still], "the powers then tell the apex's offset alone"),
         ]  # fmt: skip
     return results
 

@@ -31,10 +31,10 @@ def simulate_table(config_name: str, motion: str) -> Table:
     """Simulate truth, estimate and standard uncertainty of six axes; mm and mrad."""
     segments = simulate(facets.load(config_name), [motion])
     table = pose_table(segments)
-    wanted = ["time_s", "status", *STATE_COLUMNS]
-    wanted += [f"true_{name}" for name in STATE_COLUMNS]
-    wanted += [name for name in table if name.startswith("u_")]
-    return {name: table[name] for name in wanted}
+    names = ["time_s", "status", *STATE_COLUMNS]
+    names += [f"true_{name}" for name in STATE_COLUMNS]
+    names += [name for name in table if name.startswith("u_")]
+    return {name: table[name] for name in names}
 
 
 def column(name: str) -> str:
@@ -49,7 +49,7 @@ def errors(table: Table, name: str) -> np.ndarray:
 
 
 def errors_in_six_axes(table: Table) -> list[PaperClaim]:
-    """Twice the root mean square error of each axis, beside the paper's resolution."""
+    """Compare twice the root mean square error of each axis with the paper's resolution."""
     results = []
     for name, paper in zip(POSE, RESOLUTION, strict=True):
         off = 2 * float(np.sqrt(np.nanmean(errors(table, name) ** 2)))
@@ -89,7 +89,8 @@ def motion_figure(table: Table, axes: tuple[str, ...]) -> Figure:
 
 
 def error_band(panel: Any, time: np.ndarray, error: np.ndarray, hue: str, label: str = "") -> None:
-    """Plot many errors as a band between neighbours' minimum and maximum, with their median."""
+    """Plot many errors as a band from the minimum to the maximum of neighbours, with their
+    median."""
     band = style.band(time, error)
     panel.fill_between(band.time, band.low, band.high, color=hue, alpha=0.4, lw=0, label=label)
     panel.plot(band.time, band.middle, color=hue, lw=1.0)

@@ -59,8 +59,8 @@ def symmetric_range(table: Table, first: str, second: str, axis: int) -> float:
     points = outline(table, first, second).points
     factor = unit_of((first, second)[axis])[1]
     other, along = points[:, 1 - axis], points[:, axis]
-    here, there = (other, along), (np.roll(other, -1), np.roll(along, -1))
-    crosses = (here[0] <= 0) != (there[0] <= 0)
-    share = here[0][crosses] / (here[0] - there[0])[crosses]
-    ends = here[1][crosses] + share * (there[1] - here[1])[crosses]
+    near, far = (other, along), (np.roll(other, -1), np.roll(along, -1))
+    crosses = (near[0] <= 0) != (far[0] <= 0)
+    fraction = near[0][crosses] / (near[0] - far[0])[crosses]
+    ends = near[1][crosses] + fraction * (far[1] - near[1])[crosses]
     return float(2 * factor * np.abs(ends).min())

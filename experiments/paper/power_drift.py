@@ -1,4 +1,4 @@
-"""Not in the paper: pose errors after the laser loses a share of its power."""
+"""Not in the paper: pose errors after the laser's power has drifted."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def compute(quick: bool) -> Table:
     rows = []
     for drift in DRIFTS:
         power = (1 + drift / 100) * sensor.beam.power
-        seen = facets.readings(replace(sensor, beam=replace(sensor.beam, power=power)), AWAY)
+        readings = facets.readings(replace(sensor, beam=replace(sensor.beam, power=power)), AWAY)
         for way, options in WAYS.items():
-            poses = facets.solve(sensor, seen, start=AWAY, **options)  # type: ignore[arg-type]
+            poses = facets.solve(sensor, readings, start=AWAY, **options)  # type: ignore[arg-type]
             rows.append((drift, way, *((poses.state - AWAY)[:6] * factors)))
     return columns_of("drift_percent way tx_um ty_um tz_um roll_urad pitch_urad yaw_urad", rows)
 

@@ -1,4 +1,4 @@
-"""Not in the paper: a proof, where Fig. 4 samples, that readings and poses go one to one."""
+"""Not in the paper: a proof, not samples as in Fig. 4, that readings determine the pose."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from .experiment import NONE, PaperClaim, Table, columns_of, no_picture
 
 TITLE = "Beyond the paper: uniqueness, proved"
 CONFIG = "paper"
-#: Ends of a box of poses that holds the measurement range of `paper`, also where several axes move
-#: together, mm and rad: it is larger than the ranges of the axes.
+#: Ends of a box of poses that contains the measurement range of `paper`, mm and rad. It is larger
+#: than the ranges of the axes, since several axes may move together.
 LOW = (-15.323, -15.872, -8.459, -0.019847, -0.021832, -0.034298)
 HIGH = (15.549, 15.872, 8.268, 0.019847, 0.021442, 0.034298)
 
@@ -21,14 +21,14 @@ HIGH = (15.549, 15.872, 8.268, 0.019847, 0.021442, 0.034298)
 def compute(quick: bool) -> Table:
     """Certify the paper's sensor over a box that holds its range, by interval arithmetic."""
     config = facets.load(CONFIG)
-    least = least_share(config.sensor, config.range)
+    fraction = least_share(config.sensor, config.range)
     box = box_of_poses(np.array(LOW), np.array(HIGH))
-    certificate = certify(config.sensor, box, share=least)
+    certificate = certify(config.sensor, box, fraction)
     rows = [
         ("proved one to one", "", float(certificate.unique)),
         ("pieces of the box", "", float(len(certificate.pieces))),
         ("lower bound of the determinant", "mm^6 mW^2", certificate.at_least),
-        ("least light on a facet that is covered", "uW", 1e3 * least * config.sensor.beam.power),
+        ("least light on a facet that is covered", "uW", 1e3 * fraction * config.sensor.beam.power),
     ]
     return columns_of("what unit ours", rows)
 

@@ -1,4 +1,5 @@
-"""Processor time of contenders in turn, so that other work on the machine matters little."""
+"""Processor time of contenders, measured in turn so that other work on the machine matters
+little."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ LONG_ROUND_S = 2.0
 
 @dataclass(frozen=True)
 class Contender:
-    """A method to compare.  work: function of rows (n, 17), readings and then states.  poses:
-    number of rows in a round."""
+    """A method to compare.  work: its function of rows (n, 17), which are readings and states.
+    poses: number of rows in a round."""
 
     name: str
     work: Callable[[Floats], Any]
@@ -30,21 +31,21 @@ def cpu_seconds(
     """Return for each contender its processor seconds a pose, all threads and child processes
     together, and their spread.
 
-    The seconds are the least of the rounds, after a first row that compiles and imports; the spread
-    is the share by which the middle round takes longer, NaN of a single round.
+    The seconds are those of the fastest round, after a first row that compiles and imports. The
+    spread is the fraction by which the median round takes longer; NaN for a single round.
     """
     times: list[list[float]] = [[] for _ in contenders]
     for contender in contenders:
         contender.work(rows[:1])
     for _ in range(rounds):
-        for contender, own in zip(contenders, times, strict=True):
-            if not own or min(own) <= LONG_ROUND_S:
+        for contender, durations in zip(contenders, times, strict=True):
+            if not durations or min(durations) <= LONG_ROUND_S:
                 start = processor_seconds()
                 contender.work(rows[: contender.poses])
-                own.append(processor_seconds() - start)
+                durations.append(processor_seconds() - start)
     return [
-        (min(own) / contender.poses, spread_of(own))
-        for contender, own in zip(contenders, times, strict=True)
+        (min(durations) / contender.poses, spread_of(durations))
+        for contender, durations in zip(contenders, times, strict=True)
     ]
 
 
@@ -54,6 +55,6 @@ def processor_seconds() -> float:
 
 
 def spread_of(times: list[float]) -> float:
-    """The share by which the middle one of times exceeds the least; NaN of a single one."""
-    least, middle = min(times), sorted(times)[len(times) // 2]
-    return middle / least - 1 if len(times) > 1 else float("nan")
+    """Fraction by which the median of times exceeds the shortest; NaN for a single time."""
+    median = sorted(times)[len(times) // 2]
+    return median / min(times) - 1 if len(times) > 1 else float("nan")

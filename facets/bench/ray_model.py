@@ -1,7 +1,7 @@
-"""Readings by rays and integrals, written by vectors from the physics, without the optics.
+"""A model of the readings by rays and integrals, which shares no code with the package's optics.
 
-Each facet's light is a ray through the centroid of its wedge of the beam. Readings are those of a
-quadrature in NumPy, or of double integrals as in the paper.
+Each facet's light is a ray through the centroid of its wedge of the beam. The wedges are integrated
+by a quadrature in NumPy, or by double integrals as in the paper.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ def rotation(roll: Angle, pitch: Angle, yaw: Angle) -> Floats:
 class RayModel:
     """The readings (n, 9) of states (n, 8) for a sensor's 30 parameters.
 
-    nodes: of the Gauss-Legendre rule in the angle; the radial part has a closed form.
+    nodes: number of nodes of the Gauss-Legendre rule in the angle; the radial integral has a closed
+    form.
     """
 
     def __init__(self, p: tuple[float, ...], nodes: int = 12) -> None:
@@ -52,7 +53,7 @@ class RayModel:
         self.axes = rotation(psd[:, 3], psd[:, 4], psd[:, 1] + psd[:, 5])
 
     def light(self, q: Floats, start: Floats, opening: Floats) -> tuple[Floats, Floats]:
-        """Share (n,) and centroid (n, 2) of a wedge from q, in sigmas."""
+        """Fraction of the light (n,) and its centroid (n, 2) in a wedge from q, in sigmas."""
         from scipy.special import erfc
 
         nodes, weights = self.rule
@@ -74,8 +75,8 @@ class RayModel:
         turn = rotation(states[:, 3], states[:, 4], states[:, 5])
         normals = np.einsum("nij,kj->nki", turn, self.normals)
         edges = np.cross(normals, np.roll(normals, 1, axis=1))
-        seen = np.einsum("nki,ji->nkj", edges, self.frame) / self.sigma
-        angles = np.arctan2(seen[..., 1], seen[..., 0])
+        flat = np.einsum("nki,ji->nkj", edges, self.frame) / self.sigma
+        angles = np.arctan2(flat[..., 1], flat[..., 0])
         q = (apex - place) @ self.frame.T / self.sigma
         out = np.empty((len(states), 9))
         for k in range(3):
@@ -94,7 +95,7 @@ class RayModel:
 
 
 class DoubleIntegrals(RayModel):
-    """The same by double integrals, as in the paper."""
+    """The same model with double integrals, as in the paper."""
 
     def light(self, q: Floats, start: Floats, opening: Floats) -> tuple[Floats, Floats]:
         wedges = zip(q, start, opening, strict=True)

@@ -1,7 +1,7 @@
-"""Other ways to compute readings and poses of the paper's head.
+"""Other methods that compute readings and poses of the paper's head.
 
-Readings are computed by double integrals, as in the paper, and by a quadrature in NumPy; poses by
-SciPy's solvers on these; both by the exported C.
+Readings are computed by double integrals, as in the paper, and by a quadrature in NumPy. Poses are
+computed from these models by SciPy's solvers. The exported C computes both.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from .ray_model import DoubleIntegrals, RayModel
 
 #: Compiler of the exported C, and its options.
 COMPILER, OPTIONS = "gcc", ("-O3", "-march=native", "-std=c99")
-#: Numbers of a solution of the exported C, its state first.
+#: Number of floats in a solution of the exported C, of which the state is the first.
 SOLUTION_NUMBERS = 77
-#: Loops over many readings or states, so that a call from Python costs nothing a pose.
+#: Loops over many readings or states, so that the call from Python takes no time per pose.
 LOOPS = f"""\
 #include "facets.c"
 void all_readings(const double *states, double *found, long count)
@@ -54,18 +54,18 @@ def states_in_range(count: int, seed: int) -> Floats:
     """Random states whose three spots lie on their detectors."""
     half = np.array([0.1, 0.1, 6.0, 12e-3, 12e-3, 24e-3, 0.05, 0.05])
     rng = np.random.default_rng(seed)
-    kept: list[Floats] = []
-    while sum(map(len, kept)) < count:
+    states: list[Floats] = []
+    while sum(map(len, states)) < count:
         drawn = rng.uniform(-half, half, (2 * count + 1000, 8))
-        kept.append(drawn[reaches(SENSOR, drawn).all(axis=1)])
-    return np.concatenate(kept)[:count]
+        states.append(drawn[reaches(SENSOR, drawn).all(axis=1)])
+    return np.concatenate(states)[:count]
 
 
 def solve_by_scipy(model: Function, readings: Floats) -> Floats:
-    """States (n, 8) of readings (n, 9), from zero, by `fsolve`: eight readings, without the third
+    """States (n, 8) of readings (n, 9), by `fsolve` from zero. Eight readings, without the third
     power, determine eight unknowns of order one.
 
-    model: gives the readings (n, 9) of states (n, 8).
+    model: function that computes the readings (n, 9) of states (n, 8).
     """
     from scipy.optimize import fsolve
 
@@ -73,7 +73,7 @@ def solve_by_scipy(model: Function, readings: Floats) -> Floats:
         return model(unknowns * SCALE)[:, :8]
 
     def slopes(x: Floats, _: Floats) -> Floats:
-        """Differences from nine states at once, which costs a vectorised model little."""
+        """Differences from nine states in one call, which takes a vectorised model little time."""
         values = first_eight(np.vstack([x, x + STEP * np.eye(8)]))
         differences: Floats = (values[1:] - values[0]).T / STEP
         return differences
@@ -118,7 +118,7 @@ def poses_by_c(readings: Floats) -> Floats:
 
 
 def call_c(loop: str, rows: Floats, width: int) -> Floats:
-    rows, found = np.ascontiguousarray(rows), np.empty((len(rows), width))
-    pointers = (ctypes.c_void_p(array.ctypes.data) for array in (rows, found))
+    rows, results = np.ascontiguousarray(rows), np.empty((len(rows), width))
+    pointers = (ctypes.c_void_p(array.ctypes.data) for array in (rows, results))
     getattr(exported_c(), loop)(*pointers, ctypes.c_long(len(rows)))
-    return found
+    return results

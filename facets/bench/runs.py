@@ -1,4 +1,4 @@
-"""What users run: tables and recordings that are solved, and the first use of a new process."""
+"""Contenders that do what users run: solve tables, replay recordings, start a new process."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from ..live.sources.frames import ELECTRODES, SIZE, RawSamples, encode
 from ..model.arrays import readings
 from .clock import Contender
 
-#: Samples in a block of a recording, those of about 2 ms at 10 kHz.
+#: Number of samples in a block of a recording: about 2 ms at 10 kHz.
 BLOCK_SAMPLES = 19
-#: What a new process computes with nothing compiled.
+#: Expressions that a new process computes, with nothing compiled before.
 FIRST_USES = {
     "facets: the first reading": "facets.readings(sensor, [0.0] * 8)",
     "facets: the first pose": "facets.solve(sensor, facets.readings(sensor, [0.0] * 8))",
@@ -38,8 +38,8 @@ FIRST_USES = {
 
 
 def run_ways(folder: Path, rows: Floats) -> list[Contender]:
-    """Ways to solve a table of readings, in each format that is installed, and a recording, into a
-    table in a folder."""
+    """Contenders that solve a table of readings, in each installed format, and a recording; they
+    write into a folder."""
     endings = [".csv", *(each for each in (".parquet", ".h5") if find_spec(WRITERS[each]))]
     return [
         *(solution_of_table(folder, ending, rows) for ending in endings),
@@ -77,7 +77,7 @@ def replay_of_recording(folder: Path, rows: Floats) -> Contender:
 
 
 def first_use_ways() -> list[Contender]:
-    """What a new process computes with empty caches, imports included."""
+    """The first computations of a new process with empty caches, imports included."""
     return [Contender(name, partial(run_first, text), 1) for name, text in FIRST_USES.items()]
 
 

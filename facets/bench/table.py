@@ -1,4 +1,4 @@
-"""The table of `facets bench`: processor time a pose of each way to compute it, and its error."""
+"""The table of `facets bench`: each method's processor time per pose, and its error."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .runs import first_use_ways, run_ways
 
 Row = dict[str, Any]
 
-#: Sensors by their light, the one that all ways compute first.
+#: Sensors by their light; the first has the light that all methods can compute.
 LIGHTS = {
     "ideal": SENSOR,
     "that of a bench": replace(SENSOR, light=load("bench-light").sensor.light),
@@ -49,19 +49,19 @@ RIVALS = {
     "readings": {"to_c": EXPORTED_C, "to_numpy": GAUSS_LEGENDRE},
     "poses": {"to_c": EXPORTED_C, "to_numpy": f"fsolve on {GAUSS_LEGENDRE}"},
 }
-#: Tasks whose rows are ratios to the rivals' readings; those of the others are ratios to poses.
+#: Tasks whose times are compared with the rivals' readings; all others are compared with poses.
 READING_TASKS = ("readings", "light: readings", "light: Jacobians")
 #: The table of a full run.
 STORED = Path(__file__).with_name("stored.csv")
-#: Share by which ratios differ between processors.
+#: Fraction by which ratios differ between processors.
 PROCESSOR_SPREAD = 0.25
 
 
 def measure(quick: bool, seed: int) -> list[Row]:
-    """Measure each way: us a pose, the spread of the rounds, the ratios to the rivals, and the
+    """Measure each method: us per pose, the spread of the rounds, the ratios to the rivals, and the
     largest errors.
 
-    error_mm: of places, or of a pose's lengths.  error_rad: of a pose's angles.
+    Column error_mm is that of places, or of a pose's lengths; error_rad that of a pose's angles.
     """
     poses, few, rounds = (5_000, 200, 3) if quick else (50_000, 2_000, 15)
     states = states_in_range(poses, seed)
@@ -81,25 +81,26 @@ def measure(quick: bool, seed: int) -> list[Row]:
 
 
 def ratios_to_rivals(row: Row, table: list[Row]) -> Row:
-    """The row's time over those of the rivals; NaN without the exported C."""
+    """Ratios of the row's time to those of the rivals; NaN without the exported C."""
     times = {(each["task"], each["way"]): each["us"] for each in table}
     task = "readings" if row["task"] in READING_TASKS else "poses"
     return {key: row["us"] / times.get((task, way), np.nan) for key, way in RIVALS[task].items()}
 
 
 def slower_rows(table: list[Row]) -> Iterator[str]:
-    """Say which rows are slower, beside the rivals, than stored, by more than their error bars."""
+    """Report rows that are slower than stored, relative to the rivals, by more than the error
+    bars."""
     rival = "to_c" if has_compiler() else "to_numpy"
     (stored,) = read_chunks(STORED, [rival, "spread"])
     ways = zip(*(read_words(STORED, name) or [] for name in ("task", "way")), strict=True)
-    known = dict(zip(ways, zip(*stored.columns.values(), strict=True), strict=True))
+    stored_ratios = dict(zip(ways, zip(*stored.columns.values(), strict=True), strict=True))
     for row in table:
-        ratio, spread = known.get((row["task"], row["way"]), (np.nan, np.nan))
+        ratio, spread = stored_ratios.get((row["task"], row["way"]), (np.nan, np.nan))
         times, bars = row[rival] / ratio, row["spread"] + spread + PROCESSOR_SPREAD
         if times > 1 + bars:
             yield (
-                f"{row['task']}, {row['way']}: takes {times:.2g} times as long as stored, beside "
-                f"the same rival (error bars {100 * bars:.0f} %)"
+                f"{row['task']}, {row['way']}: takes {times:.2g} times as long as stored, relative "
+                f"to the same rival (error bars {100 * bars:.0f} %)"
             )
 
 
@@ -121,7 +122,8 @@ def time_ways(
     task: str, ways: list[Contender], rows: Floats, rounds: int,
     errors: Callable[[Contender, Floats], Row] = lambda *_: {},
 ) -> Iterator[Row]:  # fmt: skip
-    """Yield the row of each way of a task, without ratios; errors: measures those of a way."""
+    """Yield the row of each method of a task, without ratios; errors: measures a method's
+    errors."""
     for way, (seconds, spread) in zip(ways, cpu_seconds(ways, rows, rounds), strict=True):
         row = {"task": task, "way": way.name, "us": 1e6 * seconds, "spread": spread}
         unknown = dict.fromkeys(("to_c", "to_numpy", "error_mm", "error_rad"), np.nan)
@@ -129,7 +131,7 @@ def time_ways(
 
 
 def exact_readings(states: Floats) -> Any:
-    """Readings (n, 9) by the optics' text in mpmath, as an array of high-precision numbers."""
+    """Readings (n, 9) by the optics in mpmath, as an array of high-precision numbers."""
     import mpmath as mp
 
     with mp.workdps(40):
@@ -145,7 +147,7 @@ def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], Floats]:
 
 
 def reading_ways(poses: int, few: int) -> list[Contender]:
-    """Ways from states to readings."""
+    """Methods that compute readings from states."""
     by_c = Contender(EXPORTED_C, lambda rows: readings_by_c(rows[:, 9:]), poses)
     return [
         Contender("facets: a batch", lambda rows: readings(SENSOR, rows[:, 9:]), poses),
@@ -157,7 +159,7 @@ def reading_ways(poses: int, few: int) -> list[Contender]:
 
 
 def pose_ways(poses: int, few: int) -> list[Contender]:
-    """Ways from exact readings to states, with eight unknowns."""
+    """Methods that compute states from exact readings, with eight unknowns."""
 
     def solve_near(rows: Floats) -> Floats:
         return solve(SENSOR, rows[:, :9], start=rows[:, 9:] + 1e-6, covariance=False).state
@@ -185,8 +187,8 @@ def pose_ways(poses: int, few: int) -> list[Contender]:
 
 
 def light_tasks(rows: Floats, seed: int) -> dict[str, list[Contender]]:
-    """Tasks whose ways are kinds of light.  Poses are those of noisy readings in the inner half of
-    the range."""
+    """Tasks that are measured with each kind of light. Poses are those of noisy readings in the
+    inner half of the range."""
     states = 0.5 * rows[:, 9:]
     noise = SENSOR.noise.position * np.random.default_rng(seed).standard_normal((len(rows), 9))
     noise *= np.tile([1.0, 1.0, 0.0], 3)

@@ -1,8 +1,8 @@
 """Find two states with the same readings: next to a singular state, then within a box of states.
 
 At a singular Jacobian the readings fold: states with the same readings lie on both sides, along the
-direction of the weakest response. Such pairs form a surface of eight dimensions out of sixteen; a
-pair on this surface is moved, with equal readings, until both of its states lie in the box.
+direction of the weakest response. Such pairs form a surface of eight dimensions out of sixteen. A
+pair on this surface is moved along it until both of its states lie in the box.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..model.arrays import readings
 from .singularity import measures, weakest_direction
 from .state_box import StateBox
 
-#: Distances of pairs from the singular state, largest first: shares of FARTHEST_UM_URAD.
+#: Distances of pairs from the singular state, largest first: fractions of FARTHEST_UM_URAD.
 REACHES = np.geomspace(1, 1e-3, 25)
 #: Largest component of the farthest step along the direction, um or urad.
 FARTHEST_UM_URAD = 3000.0
@@ -30,27 +30,27 @@ EQUAL_SIGMAS = 1e-6
 MAX_STEPS = 400
 #: Length of a step along the weakest direction, um or urad.
 STEP_UM_URAD = 100.0
-#: Half the distances at which pairs are moved into the box, shares of FARTHEST_UM_URAD.
+#: Half the distances at which pairs are moved into the box, as fractions of FARTHEST_UM_URAD.
 DISTANCES = np.array([0.03, 0.3, 1.0, 3.0])
 #: How far pairs are moved into the box, in its half widths.
 INSIDE = 1 - 1e-3
-#: Weight of these limits beside differences of readings in standard deviations.
+#: Weight of these limits relative to differences of readings in standard deviations.
 LIMIT_WEIGHT = 10.0
 
 
 @dataclass(frozen=True)
 class AmbiguousPair:
-    """Two states (8,) with equal readings.
+    """Two states (8,) with equal readings, and places on the straight line through both.
 
-    share: (n,) of the straight line from the first to the second.  apart: (n,) root of the sum of
-    squares of the readings' differences from those at the ends, in standard deviations.
-    determinant: (n,).
+    position: (n,) of the places, 0 at the first state and 1 at the second.  difference: (n,) root
+    of the sum of squares of the readings' differences from those of the two states, in standard
+    deviations.  determinant: (n,) of Eq. (11).
     """
 
     first: Floats
     second: Floats
-    share: Floats
-    apart: Floats
+    position: Floats
+    difference: Floats
     determinant: Floats
 
 
@@ -61,8 +61,8 @@ def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
     for reach in REACHES:
         for side in (1, -1):
             first = near + side * reach * direction
-            seen = readings(sensor, first)
-            second, residual = local_solution(sensor, seen, near - side * reach * direction)
+            measured = readings(sensor, first)
+            second, residual = local_solution(sensor, measured, near - side * reach * direction)
             gap = np.linalg.norm((second - first) / FINE_UNITS) / np.linalg.norm(
                 direction / FINE_UNITS
             )
@@ -72,12 +72,12 @@ def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
 
 
 def find_pair_in_box(
-    sensor: Sensor, box: StateBox, share: float, near: Floats
+    sensor: Sensor, box: StateBox, least_share: float, near: Floats
 ) -> AmbiguousPair | None:
     """Find two states of a certificate's set with equal readings, from a weak state (8,).
 
-    share: least share of the light on each facet. None if there are none about the singular state
-    along the weakest direction.
+    least_share: fraction of the light that each facet has at least. Returns None if there is no
+    such pair about the singular state along the weakest direction.
     """
     from scipy.optimize import least_squares
 
@@ -89,29 +89,29 @@ def find_pair_in_box(
         direction = weakest_direction(sensor, fold)
         direction *= reach / np.abs(direction).max()
         begin = np.concatenate([fold / FINE_UNITS - direction, fold / FINE_UNITS + direction])
-        least = float(np.linalg.norm(direction))
-        found = least_squares(pair_residuals, begin, args=(sensor, box, share, least), **tight)
-        if np.abs(found.fun).max() < EQUAL_SIGMAS:
-            first, second = found.x.reshape(2, 8) * FINE_UNITS
+        limits = (least_share, float(np.linalg.norm(direction)))
+        result = least_squares(pair_residuals, begin, args=(sensor, box, *limits), **tight)
+        if np.abs(result.fun).max() < EQUAL_SIGMAS:
+            first, second = result.x.reshape(2, 8) * FINE_UNITS
             return pair_between(sensor, first, second)
     return None
 
 
 def pair_residuals(
-    fine: Floats, sensor: Sensor, box: StateBox, share: float, least: float
+    fine: Floats, sensor: Sensor, box: StateBox, least_share: float, least_distance: float
 ) -> Floats:
-    """What separates a pair (16,), um and urad, from equal readings, the least distance, and a
-    certificate's set; zero for a pair that is sought."""
+    """Residuals of a pair of states (16,), um and urad: differences of its readings, and violations
+    of the least distance and of a certificate's set; all zero for a pair that is sought."""
     pair = fine.reshape(2, 8) * FINE_UNITS
     middle, half = (box.low + box.high)[:6] / 2, np.maximum((box.high - box.low)[:6] / 2, 1e-9)
-    seen = readings(sensor, pair)
-    near = 2 - 2 * np.linalg.norm(fine[8:] - fine[:8]) / least
+    measured = readings(sensor, pair)
+    near = 2 - 2 * np.linalg.norm(fine[8:] - fine[:8]) / least_distance
     outside = np.abs((pair[:, :6] - middle) / half) - INSIDE
     with np.errstate(all="ignore"):
-        dark = np.log(share * sensor.beam.power / seen[:, 2::3]) + 1 - INSIDE
-    limits = np.maximum(np.concatenate([[near], outside.ravel(), dark.ravel()]), 0.0)
-    apart = (seen[1] - seen[0]) / standard_deviations(sensor, seen[0])
-    residuals = np.concatenate([apart, LIMIT_WEIGHT * limits])
+        missing_light = np.log(least_share * sensor.beam.power / measured[:, 2::3]) + 1 - INSIDE
+    limits = np.maximum(np.concatenate([[near], outside.ravel(), missing_light.ravel()]), 0.0)
+    differences = (measured[1] - measured[0]) / standard_deviations(sensor, measured[0])
+    residuals = np.concatenate([differences, LIMIT_WEIGHT * limits])
     return np.asarray(np.nan_to_num(residuals, nan=1e6, posinf=1e6, neginf=-1e6))
 
 
@@ -144,11 +144,12 @@ def narrow_down(sensor: Sensor, near: Floats, far: Floats, sign: float) -> Float
 
 
 def pair_between(sensor: Sensor, first: Floats, second: Floats) -> AmbiguousPair:
-    """The pair of two states (8,) with equal readings, and the readings on the line through
-    them."""
-    share = np.linspace(-0.15, 1.15, 131)
-    states = first + share[:, None] * (second - first)
-    seen = readings(sensor, states)
+    """Evaluate the readings and the determinant on the line through two states (8,)."""
+    position = np.linspace(-0.15, 1.15, 131)
+    states = first + position[:, None] * (second - first)
+    measured = readings(sensor, states)
     sigma = standard_deviations(sensor, readings(sensor, first))
-    apart = np.sqrt((((seen - readings(sensor, first)) / sigma) ** 2).sum(axis=1))
-    return AmbiguousPair(first, second, share, apart, measures(sensor, states, spectra=False)[:, 0])
+    difference = np.sqrt((((measured - readings(sensor, first)) / sigma) ** 2).sum(axis=1))
+    return AmbiguousPair(
+        first, second, position, difference, measures(sensor, states, spectra=False)[:, 0]
+    )

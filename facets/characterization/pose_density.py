@@ -1,7 +1,8 @@
 """One-sided density of a pose's noise at rest, and its Allan deviation.
 
-The noise of the readings goes through the gains of the estimator (`resolution`). With white noise
-of the density variance / bandwidth and the slow noise of `Sensor.drift`, an axis has the density
+The noise of the readings is multiplied by the gains of the estimator (`resolution`). With white
+noise of the density variance / bandwidth and the slow noise of `Sensor.drift`, an axis has the
+density
 
     S(f) = white + flicker / f + walk / f^2,
 
@@ -57,8 +58,9 @@ def density_at_rest(
 ) -> PoseDensity:
     """Compute the density of the pose's noise at rest.
 
-    bandwidth: of the readings' white noise, Hz: that of the electronics, or half the rate of
-    samples if that is less.  body: whose displacement the axes are; None: the mirror.
+    bandwidth: that of the readings' white noise, Hz, which is the bandwidth of the electronics or
+    half the sampling rate, whichever is less.  body: object whose displacement has these axes;
+    None: the mirror.
     """
     rest = np.zeros((1, 8))
     reading = readings(sensor, rest)

@@ -1,9 +1,9 @@
-"""Coverage intervals and regions of a pose by propagation of distributions, and what they say of
-the linear result.
+"""Coverage intervals and regions of a pose by propagation of distributions, compared with the
+linear result.
 
 JCGM 101 (supplement 1 to the GUM), clauses 7 and 8, for each axis of a pose; JCGM 102 (supplement
-2), clause 7, for the pose as a whole. Trials without a pose are counted; what is stated holds for
-measurements that have one.
+2), clause 7, for the pose as a whole. Trials without a pose are counted; the results hold
+for measurements that have a pose.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ FEWEST_BEYOND = 10
 SAFE_ERRORS = 2.0
 #: Largest number of significant digits for which the linear result is tested.
 MOST_DIGITS = 2
-#: A trial so many standard uncertainties from the estimate, all axes together, is another solution
-#: or one that the linear result knows nothing of.
+#: A trial further from the estimate than this, in standard uncertainties of all axes together, is
+#: another solution, or one to which the linear result does not apply.
 FAR_SIGMAS = 10.0
 
 
@@ -48,8 +48,8 @@ class MonteCarlo:
 
 
 class CoverageInterval(NamedTuple):
-    """A coverage interval of each axis, (6,) each; mm and rad.  errors: (6, 2) standard errors of
-    the interval's ends by the number of trials."""
+    """Ends (6,) of the coverage intervals of the axes; mm and rad.  errors: (6, 2) standard errors
+    of both ends, due to the finite number of trials."""
 
     low: Floats
     high: Floats
@@ -58,7 +58,7 @@ class CoverageInterval(NamedTuple):
 
 @dataclass(frozen=True)
 class PropagationResult:
-    """The distribution of a pose by trials of a measurement, beside the linear result; mm and rad.
+    """The distribution of a pose by trials of a measurement, and the linear result; mm and rad.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class PropagationResult:
     linear_region_factor
         Coverage factor of the hyper-ellipsoid of the linear result, about the estimate.
     linear_region_probability
-        Share of the trials in the hyper-ellipsoid of the linear result.
+        Fraction of the trials in the hyper-ellipsoid of the linear result.
     far
         Number of trials far from the estimate, such as on a second solution.
     """
@@ -160,8 +160,8 @@ def coverage_interval(poses: Floats, probability: float) -> CoverageInterval:
     errors = np.empty((6, 2))
     ends = (count - width) // 2, (count - width) // 2 + width
     for side, place in enumerate(ends):
-        share = (place + 1) / (count + 1)
-        step = max(1, round(np.sqrt(count * share * (1 - share))))
+        fraction = (place + 1) / (count + 1)
+        step = max(1, round(np.sqrt(count * fraction * (1 - fraction))))
         below, above = max(place - step, 0), min(place + step, count - 1)
         errors[:, side] = (values[above] - values[below]) / 2
     return CoverageInterval(values[ends[0]], values[ends[1]], errors)
@@ -184,7 +184,7 @@ def propagate_distributions(
     object: MeasuredObject | None = None,
     advance: Callable[[int], None] = lambda _: None,
 ) -> PropagationResult:
-    """Propagate what is known of readings, parameters and priors to the pose, by trials.
+    """Propagate the distributions of readings, parameters and priors to the pose, by trials.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def propagate_distributions(
     Returns
     -------
     PropagationResult
-        Its intervals are NaN where more trials than the probability leaves have no pose.
+        Its intervals are NaN if too many trials have no pose for the coverage probability.
 
     Raises
     ------
@@ -227,7 +227,7 @@ def propagate_distributions(
 def summarise(
     state: Floats, method: MonteCarlo, linear: ObjectPose, trials: TrialResults
 ) -> PropagationResult:
-    """The distribution of the trials of a measurement at a state (8,), beside the linear result."""
+    """Summarise the trials of a measurement at a state (8,), together with the linear result."""
     assert linear.covariance is not None
     poses, probability = trials.poses, method.probability
     freedom = float(np.nanmin(linear.degrees_of_freedom[0]))

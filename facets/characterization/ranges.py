@@ -1,7 +1,7 @@
 """The limits of the range as smooth margins, and the ranges of axes.
 
-A margin is positive if its limit is kept, and all are scaled to order one, so that the least of
-them says where the range ends and why.
+A margin is positive if its limit is kept. All margins are scaled to order one, so that the smallest
+of them indicates where the range ends and why.
 """
 
 from __future__ import annotations
@@ -112,15 +112,15 @@ def saturation_clearances(sensor: Sensor, reading: Floats) -> Floats:
     largest current; (n,), infinite without electronics."""
     if sensor.electronics is None:
         return np.full(len(reading), np.inf)
-    share = np.nan_to_num(fullness(sensor, reading)).max(axis=1)
-    clearance: Floats = -np.log(np.maximum(share, 1e-300))
+    load = np.nan_to_num(fullness(sensor, reading)).max(axis=1)
+    clearance: Floats = -np.log(np.maximum(load, 1e-300))
     return clearance
 
 
 def spot_clearances(ends: Floats, reading: Floats, limits: Floats, rules: Rules) -> Floats:
     """The least margin of a spot to its detector's edge, over the detector's half size; (n,).
 
-    ends (n, 3, 5), as of `footprints`.  limits: (3, 5) or (n, 3, 5), of `edge_limits`.
+    ends: (n, 3, 5), see `footprints`.  limits: (3, 5) or (n, 3, 5), see `edge_limits`.
     """
     if rules.whole_spot:
         # A facet without light inside the circle has no footprint: its centroid counts.
@@ -132,8 +132,8 @@ def spot_clearances(ends: Floats, reading: Floats, limits: Floats, rules: Rules)
         ends = np.concatenate([centroids_as_ends(reading), ends[:, :, 4:]], axis=2)
     distances = edge_distances(ends, limits)
     distances[:, :, :4] /= limits[..., :4]
-    least = least_of_rows(distances)
-    return np.where(np.isnan(least), -1.0, np.maximum(least, -1.0))
+    margin = least_of_rows(distances)
+    return np.where(np.isnan(margin), -1.0, np.maximum(margin, -1.0))
 
 
 def least_of_rows(values: Floats) -> Floats:
@@ -142,31 +142,31 @@ def least_of_rows(values: Floats) -> Floats:
     Ten times as fast as NumPy's minimum along short rows.
     """
     columns = values.reshape(len(values), prod(values.shape[1:])).T
-    least: Floats = np.ascontiguousarray(columns).min(axis=0)
-    return least
+    smallest: Floats = np.ascontiguousarray(columns).min(axis=0)
+    return smallest
 
 
 def information_margins(sensor: Sensor, state: Floats, rules: Rules) -> Floats:
     """The margins of conditioning and of resolution, (n, 2)."""
     matrix = scaled_jacobian(sensor, state)
     out = np.full((len(state), 2), -1.0)
-    known = np.isfinite(matrix).all(axis=(1, 2))
-    values = np.linalg.svd(matrix[known], compute_uv=False)
+    finite = np.isfinite(matrix).all(axis=(1, 2))
+    values = np.linalg.svd(matrix[finite], compute_uv=False)
     with np.errstate(divide="ignore"):
-        out[known, 0] = np.log(rules.condition * values[:, -1] / values[:, 0])
+        out[finite, 0] = np.log(rules.condition * values[:, -1] / values[:, 0])
     if np.isfinite(rules.coarsest).any():
-        fine = standard_uncertainties(matrix[known], fine_slopes(state[known], rules.object))
+        fine = standard_uncertainties(matrix[finite], fine_slopes(state[finite], rules.object))
         sigma = fine * np.array(FINE_UNITS[:6])
-        out[known, 1] = np.log(np.array(rules.coarsest) / sigma).min(axis=1)
+        out[finite, 1] = np.log(np.array(rules.coarsest) / sigma).min(axis=1)
     else:
-        out[known, 1] = np.inf
+        out[finite, 1] = np.inf
     return out
 
 
 def standard_uncertainties(matrices: Floats, slopes: Floats | None = None) -> Floats:
     """Standard uncertainties of the pose, um and urad, (n, 6), from scaled Jacobians (n, 9, 8).
 
-    slopes: of `fine_slopes`, for an object's pose.
+    slopes: (n, 6, 6), see `fine_slopes`, for an object's pose.
     """
     inverse = np.linalg.pinv(matrices)
     if slopes is not None:
@@ -186,16 +186,17 @@ def fine_slopes(states: Floats, body: MeasuredObject | None) -> Floats | None:
 
 
 class Exits(NamedTuple):
-    """Where rays leave the range: distance, number of the cause (-1: none)."""
+    """Distances at which rays leave the range, and numbers of the causes (-1: the ray does not
+    leave it)."""
 
     distance: Floats
     cause: NDArray[np.int64]
 
 
-#: Number of steps that are examined at once, and shares of the farthest distance at which a ray is
-#: examined before its exit is refined.
+#: Number of steps that are examined at once, and fractions of the farthest distance at which a ray
+#: is examined before its exit is refined.
 STEPS_AT_ONCE = 5
-STEP_SHARES = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 28)])
+STEP_FRACTIONS = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 28)])
 
 
 def find_exits(
@@ -227,7 +228,7 @@ def determinant_signs(sensor: Sensor, poses: Floats, rules: Rules) -> Floats:
     return signs
 
 
-#: Columns of what is known at places along rays, before the heights and slopes of the margins.
+#: Columns of a table of places along rays; the heights and slopes of the margins follow.
 RAY, PLACE, SIGN, CAUSE, HEIGHTS = range(5)
 
 
@@ -239,19 +240,19 @@ def first_exits(
 ) -> Exits:
     """Distances at which `count` rays that begin inside a range first leave it.
 
-    margins_at: the margins (m, causes) at distances (m,) along rays with these ascending numbers
-    (m,).  tolerance: of a distance.  signs_at: signs (m,) there; between different ones a margin
-    may be small.
+    margins_at: function that computes the margins (m, causes) at distances (m,) along the rays of
+    ascending numbers (m,).  tolerance: that of a distance.  signs_at: function that computes signs
+    (m,) there; between different signs a margin may be small.
     """
     from scipy.optimize.elementwise import find_root
 
-    def least(distance: Floats, ray: Integers) -> Floats:
+    def least_margin(distance: Floats, ray: Integers) -> Floats:
         return least_of_rows(margins_at(distance.ravel(), ray.ravel())).reshape(distance.shape)
 
     def look(distance: Floats, ray: Integers) -> Floats:
         """Examine places (n,): columns RAY to CAUSE, then heights and slopes of the margins."""
-        beside = np.stack([distance, distance + tolerance], axis=1).ravel()
-        margins = margins_at(beside, np.repeat(ray, 2)).reshape(len(ray), 2, -1)
+        places = np.stack([distance, distance + tolerance], axis=1).ravel()
+        margins = margins_at(places, np.repeat(ray, 2)).reshape(len(ray), 2, -1)
         signs = np.ones(len(ray)) if signs_at is None else signs_at(distance, ray)
         with np.errstate(invalid="ignore", over="ignore"):
             height = np.expm1(margins)
@@ -261,9 +262,9 @@ def first_exits(
 
     ends, causes = np.full(count, np.inf), np.full(count, -1)
     numbers, examined = np.arange(count), []
-    for begin in range(0, len(STEP_SHARES), STEPS_AT_ONCE):
+    for begin in range(0, len(STEP_FRACTIONS), STEPS_AT_ONCE):
         if len(numbers):
-            steps = STEP_SHARES[begin : begin + STEPS_AT_ONCE]
+            steps = STEP_FRACTIONS[begin : begin + STEPS_AT_ONCE]
             examined.append(look(np.tile(steps, len(numbers)), np.repeat(numbers, len(steps))))
             # Rays that have left the range need no further steps.
             numbers = np.setdiff1d(numbers, examined[-1][is_outside(examined[-1]), RAY].astype(int))
@@ -277,7 +278,7 @@ def first_exits(
         if len(which):
             bracket = rows[outside[first] - 1, PLACE], rows[outside[first], PLACE]
             tolerances = {"xatol": tolerance, "xrtol": 0, "fatol": 0}
-            ends[which] = find_root(least, bracket, args=(which,), tolerances=tolerances).x
+            ends[which] = find_root(least_margin, bracket, args=(which,), tolerances=tolerances).x
             last = look(ends[which], which)
             causes[which] = last[:, CAUSE]
             examined = [rows[rows[:, PLACE] <= ends[rows[:, RAY].astype(int)]], last]
@@ -288,7 +289,7 @@ def first_exits(
 
 
 def is_outside(rows: Floats) -> NDArray[np.bool_]:
-    """Whether places are outside the range, by rows of `first_exits`."""
+    """Whether places are outside the range; rows: those of `first_exits`."""
     heights = rows[:, HEIGHTS : (HEIGHTS + rows.shape[1]) // 2]
     return ~(least_of_rows(heights) > 0)
 
@@ -357,10 +358,10 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
     if cause == LIGHT:
         return light_remedy(sensor, rules, start)
     if cause == SATURATED:
-        share = np.nan_to_num(fullness(sensor, readings(sensor, states_of(start[None], rules))[0]))
+        load = np.nan_to_num(fullness(sensor, readings(sensor, states_of(start[None], rules))[0]))
         return (
-            f"the light on detector {'ABC'[int(share.argmax())]} drives an electrode to "
-            f"{share.max():.3g} times the end of its range (sensor.electronics.adc_range_v over "
+            f"the light on detector {'ABC'[int(load.argmax())]} drives an electrode to "
+            f"{load.max():.3g} times the end of its range (sensor.electronics.adc_range_v over "
             "transimpedance_kohm); choose a lower sensor.electronics.transimpedance_kohm, less "
             "laser power, or another place"
         )
@@ -371,19 +372,19 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
 
 
 def light_remedy(sensor: Sensor, rules: Rules, start: Floats) -> str:
-    """`remedy` of too little light."""
+    """The remedy for too little light."""
     powers = np.nan_to_num(readings(sensor, states_of(start[None], rules))[0, 2::3])
-    least, other = least_light(sensor, rules.snr), other_light(sensor)
-    weakest = int((powers - least).argmin())
-    beside = (
-        f"in addition to {1e3 * other[weakest]:.3g} µW of background light"
+    required, other = least_light(sensor, rules.snr), other_light(sensor)
+    weakest = int((powers - required).argmin())
+    background = (
+        f" in addition to {1e3 * other[weakest]:.3g} µW of background light"
         if other[weakest]
         else ""
     )
     return (
         f"detector {'ABC'[weakest]} gets {1e3 * powers[weakest]:.3g} µW, and range.snr "
-        f"{rules.snr:g} asks for {1e3 * least[weakest]:.3g} µW{beside}; choose a place nearer "
-        "to the beam's centre, more laser power, or a lower range.snr"
+        f"{rules.snr:g} requires {1e3 * required[weakest]:.3g} µW{background}; choose a place "
+        "nearer to the beam's centre, more laser power, or a lower range.snr"
     )
 
 

@@ -1,10 +1,10 @@
 """The standard uncertainties of the pose, and their sources.
 
-Uncertainties are propagated through the estimator of `facets.solve`: with J the Jacobian at the
-true state and W the inverse variances of the readings and priors, the gain is G = (J'WJ)^-1 J'W and
-each source i with variance s_i^2 contributes (G_ki s_i)^2 to unknown k. Their sum is the diagonal
-of (J'WJ)^-1, the Cramer-Rao bound. Terms follow the GUM: a standard uncertainty is one standard
-deviation, an expanded one twice that (coverage factor 2).
+Uncertainties are propagated through the estimator of `facets.solve`. With J the Jacobian at the
+true state and W the inverse variances of the readings and priors, the gain is G = (J'WJ)^-1 J'W.
+Each source i with variance s_i^2 contributes (G_ki s_i)^2 to unknown k. The sum of these
+contributions is the diagonal of (J'WJ)^-1, the Cramer-Rao bound. Terms follow the GUM: a standard
+uncertainty is one standard deviation, an expanded one twice that (coverage factor 2).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from ..estimation.uncertainty import (
 from ..model.arrays import as_rows, jacobian, readings
 from .ranges import axis_ranges, largest_box, states_of
 
-#: The source of an uncertainty that a calibration leaves; the last one.
+#: Name of the source for the uncertainty of calibrated parameters; it is the last source.
 CALIBRATION = "calibration"
 
 
@@ -60,9 +60,9 @@ def estimators(beam_sigma: float) -> list[Estimator]:
 
 def sources(sensor: Sensor, knowledge: Knowledge) -> tuple[str, ...]:
     """Sources of the uncertainty: the columns of a budget."""
-    known = ("beam power",) if isinstance(knowledge.power, Prior) else ()
+    power = ("beam power",) if isinstance(knowledge.power, Prior) else ()
     calibration = (CALIBRATION,) if sensor.calibration else ()
-    return (*noise_sources(sensor), "beam position", *known, *calibration)
+    return (*noise_sources(sensor), "beam position", *power, *calibration)
 
 
 @check_arguments
@@ -116,31 +116,31 @@ def budgets_of_rows(
     eight: bool,
     body: MeasuredObject | None,
 ) -> Floats:
-    """The budgets of states (n, 8), as of `budgets`.  eight: omits the last power."""
+    """The budgets (n, 6, s) of states (n, 8), see `budgets`.  eight: omits the last power."""
     reading = readings(sensor, states)
     parts = variances(sensor, reading)
     sigma = np.sqrt(parts.sum(axis=-1))
     matrix = jacobian(sensor, states)
-    known = np.isfinite(matrix).all(axis=(1, 2))
+    finite = np.isfinite(matrix).all(axis=(1, 2))
     beam, _ = prior_sigmas(knowledge)
-    rows = matrix[known] / sigma[known][:, :, None]
-    gain = estimator_gains(sensor, rows, reading[known] / sigma[known], knowledge, eight)
+    rows = matrix[finite] / sigma[finite][:, :, None]
+    gain = estimator_gains(sensor, rows, reading[finite] / sigma[finite], knowledge, eight)
     if body is not None:
-        gain = displacement_slopes(states[known, :6], body) @ gain
+        gain = displacement_slopes(states[finite, :6], body) @ gain
     out = np.full((len(states), 6, len(sources(sensor, knowledge))), np.nan)
     square, read = gain**2, 9 - eight
-    share = parts[known][:, :read] / sigma[known][:, :read, None] ** 2
+    fraction = parts[finite][:, :read] / sigma[finite][:, :read, None] ** 2
     count = parts.shape[-1]
-    out[known, :, :count] = square[:, :, :read] @ share
+    out[finite, :, :count] = square[:, :, :read] @ fraction
     beams = 2 if 0 < beam < np.inf else 0
-    out[known, :, count] = square[:, :, read : read + beams].sum(axis=2)
+    out[finite, :, count] = square[:, :, read : read + beams].sum(axis=2)
     if isinstance(knowledge.power, Prior):
-        out[known, :, count + 1] = square[:, :, read + beams :].sum(axis=2)
+        out[finite, :, count + 1] = square[:, :, read + beams :].sum(axis=2)
     if sensor.calibration is not None:
-        off = parameter_derivatives(sensor, sensor.calibration, states[known], reading[known])
-        moved = gain[:, :, :read] @ (off[:, :read] / sigma[known][:, :read, None])
+        off = parameter_derivatives(sensor, sensor.calibration, states[finite], reading[finite])
+        moved = gain[:, :, :read] @ (off[:, :read] / sigma[finite][:, :read, None])
         cross = moved @ np.array(sensor.calibration.covariance)
-        out[known, :, -1] = (cross * moved).sum(axis=2)
+        out[finite, :, -1] = (cross * moved).sum(axis=2)
     return out
 
 
@@ -236,8 +236,8 @@ def uncertainties(
     return root
 
 
-#: Share of an end up to which a range is searched, places where a search begins, and its steps, all
-#: in shares of a box's half sides.
+#: Largest distance from rest that is searched, places where a search begins, and its first and last
+#: steps, all as fractions of a box's half sides.
 INSIDE = 1 - 1e-6
 STARTS = np.concatenate(
     [
@@ -250,7 +250,7 @@ FIRST_STEP, LAST_STEP = 0.25, 1e-4
 
 
 def worst_states(sensor: Sensor, rules: Rules, how: Estimator, halves: Floats) -> Floats:
-    """States (6, 8) in which each axis is worst known, by a search from many places.
+    """States (6, 8) in which each axis has its largest uncertainty, by a search from many places.
 
     halves: (6, 6) for each axis half the sides of the box about rest that is searched.
     """
@@ -289,9 +289,9 @@ class Resolution:
     own symmetric range, the others at rest; and at worst anywhere in a box of all six axes.
 
     worst_state, box_state: (6, 8) states of each axis's maximum.  budget: (6, s) variances at rest,
-    by source.  worst_budget, box_budget: (6, s) each axis's own at its maximum.  box: (6,) half the
-    sides of `largest_box`.  degrees_of_freedom: of the calibration, NaN where unknown.  object:
-    whose axes these are, None: the mirror's.
+    by source.  worst_budget, box_budget: (6, s) variances of each axis at its maximum.  box: (6,)
+    half the sides of `largest_box`.  degrees_of_freedom: those of the calibration, NaN if unknown.
+    object: the object whose displacement has these axes; None: the mirror.
     """
 
     how: Estimator
@@ -330,7 +330,7 @@ class Resolution:
 
     @property
     def shares(self) -> Floats:
-        """The share of each source in each variance at rest: (6, s)."""
+        """Fraction of each variance at rest that is due to each source: (6, s)."""
         part: Floats = self.budget / self.budget.sum(axis=1, keepdims=True)
         return part
 
@@ -344,11 +344,13 @@ def total(budget: Floats) -> Floats:
 def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Resolution]:
     """Compute the resolutions of estimators at rest, over the range of each axis, and in the
     largest box with the proportions of these ranges."""
-    rest, known, body, resolutions = np.zeros((1, 8)), sensor.calibration, rules.object, []
+    rest, calibration, body, resolutions = np.zeros((1, 8)), sensor.calibration, rules.object, []
     half = np.array([axis.symmetric / 2 for axis in axis_ranges(sensor, rules, np.zeros(6))])
     box, _ = largest_box(sensor, rules, np.zeros(6), half)
     freedom = (
-        np.nan if known is None or known.degrees_of_freedom is None else known.degrees_of_freedom
+        np.nan
+        if calibration is None or calibration.degrees_of_freedom is None
+        else calibration.degrees_of_freedom
     )
     for how in hows:
         along_axes = worst_states(sensor, rules, how, np.diag(half))

@@ -48,24 +48,25 @@ def sensitivity(
 
 
 def index_of(x: Floats, y: Floats, rng: np.random.Generator) -> Index:
-    """The index of y by the variable x, and its interval from half of the designs, drawn again and
-    again."""
+    """The index of y by the variable x, with its interval from repeated draws of half of the
+    designs."""
     halves = [rng.choice(len(x), size=len(x) // 2) for _ in range(RESAMPLES)]
     scatter = np.std([first_order(x[half], y[half]) for half in halves], ddof=1)
     return Index(first_order(x, y), float(SIGMAS_OF_95_PERCENT * scatter))
 
 
 def first_order(x: Floats, y: Floats) -> float:
-    """The share of the variance of y that x causes, by RBD-FAST.
+    """Fraction of the variance of y that x causes, by RBD-FAST.
 
-    Along a cycle, x up over every second design and down over the others, what y follows of x is in
-    the first harmonics of its spectrum (Plischke 2010, doi:10.1016/j.ress.2009.11.005). What chance
-    puts there is subtracted (Tissot and Prieur 2012, doi:10.1016/j.ress.2012.06.010).
+    The designs are ordered as a cycle: x rises over every second design and falls over the others.
+    The part of y that depends on x is then in the first harmonics of its spectrum (Plischke 2010,
+    doi:10.1016/j.ress.2009.11.005). The part that is there by chance is subtracted (Tissot and
+    Prieur 2012, doi:10.1016/j.ress.2012.06.010).
     """
     order = np.argsort(x)
     cycle = y[np.concatenate([order[::2], order[1::2][::-1]])]
     power = np.abs(np.fft.rfft(cycle - cycle.mean())[1:]) ** 2
     if len(y) % 2 == 0:
-        power[-1] /= 2  # The highest frequency stands once in a spectrum, the others twice.
-    share, chance = power[:HARMONICS].sum() / power.sum(), 2 * HARMONICS / len(y)
-    return float(share - chance / (1 - chance) * (1 - share))
+        power[-1] /= 2  # The highest frequency occurs once in a spectrum, the others twice.
+    fraction, chance = power[:HARMONICS].sum() / power.sum(), 2 * HARMONICS / len(y)
+    return float(fraction - chance / (1 - chance) * (1 - fraction))

@@ -2,7 +2,7 @@
 
 The determinant of Eq. (11), of all readings but one, has units in which no size is small or large.
 A meaningful measure is the smallest singular value of the Jacobian with its columns in um and urad
-and its rows in standard deviations of the readings: the readings' total response, in standard
+and its rows in standard deviations of the readings. It is the readings' total response, in standard
 deviations, to one unit along the direction of the weakest response.
 """
 
@@ -87,9 +87,9 @@ class Survey:
     counts: (OFFSETS, LEVELS) of states by apex offset and determinant; second: by smallest singular
     value.  edges: of offsets (mm), determinants, singular values.  low, high: (3,) of each measure.
     signs: numbers of negative, zero and positive determinants.  weakest: the state with the least
-    smallest singular value.  lowest: with the least |determinant|.  dark: number of states in which
-    a detector has no reading.  saturated: number of states at which a detector is saturated, so
-    that the sensor reads nothing; they are measured all the same.
+    smallest singular value.  unlit: number of states in which a detector has no reading.
+    saturated: number of states at which a detector is saturated, so that the sensor has no reading;
+    their measures are included all the same.
     """
 
     edges: tuple[Floats, Floats, Floats]
@@ -100,18 +100,18 @@ class Survey:
     signs: Integers
     weakest: Worst
     states: int = 0
-    dark: int = 0
+    unlit: int = 0
     saturated: int = 0
 
     @property
     def one_sign(self) -> bool:
         """Whether every state has light on all detectors, and all determinants have one sign."""
-        return self.dark == 0 and self.has_one_sign_in_light
+        return self.unlit == 0 and self.has_one_sign_in_light
 
     @property
     def has_one_sign_in_light(self) -> bool:
         """Whether all states with light on all detectors have determinants of one sign."""
-        return self.states - self.dark in (self.signs[0], self.signs[2])
+        return self.states - self.unlit in (self.signs[0], self.signs[2])
 
 
 OFFSETS, LEVELS = 120, 160
@@ -147,7 +147,7 @@ def survey(
             margins = saturation_clearances(sensor, readings(sensor, states))
             result.saturated += int((margins < 0).sum())
     assert result is not None
-    if result.dark == result.states:
+    if result.unlit == result.states:
         raise InputError(
             f"none of the {result.states:,} states drawn gives every detector a reading: the box "
             "lies where the beam misses the mirror or the spots their detectors; give a smaller one"
@@ -174,10 +174,10 @@ def empty_survey(offset: Floats, values: Floats) -> Survey:
 
 def extent_of(values: Floats) -> tuple[float, float]:
     """An interval from zero to beyond the largest values, or on both sides of zero."""
-    known = values[np.isfinite(values)]
-    if len(known) == 0:
+    finite = values[np.isfinite(values)]
+    if len(finite) == 0:
         return 0.0, 1.0
-    low, high = min(0.0, 1.15 * known.min()), max(0.0, 1.15 * known.max())
+    low, high = min(0.0, 1.15 * finite.min()), max(0.0, 1.15 * finite.max())
     return low, high if high > low else low + 1
 
 
@@ -185,7 +185,7 @@ def count_states(result: Survey, states: Floats, values: Floats) -> None:
     """Add states (n, 8) with their measures (n, 3) to a survey."""
     lit = np.isfinite(values[:, 0])
     result.states += len(states)
-    result.dark += int((~lit).sum())
+    result.unlit += int((~lit).sum())
     if not lit.any():
         return
     states, values = states[lit], values[lit]

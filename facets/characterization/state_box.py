@@ -36,7 +36,7 @@ class StateBox:
                 raise InputError(f"the box runs from {low} to {high} in {name}")
 
     def states(self, shares: Floats) -> Floats:
-        """States (n, 8) of Eq. (3) at shares (n, 8) of the box, 0 to 1."""
+        """States (n, 8) of Eq. (3) at relative places (n, 8) in the box, 0 to 1."""
         state: Floats = self.low + shares * (self.high - self.low)
         state[:, 6:] = state[:, :2] - state[:, 6:]
         return state
@@ -55,7 +55,7 @@ def apex_offset(states: Floats) -> Floats:
 
 
 def range_box(sensor: Sensor, rules: Rules) -> StateBox:
-    """The box of the ranges of the axes: x and y with beam following, the offset without.
+    """The box of the ranges of the axes: x and y with the beam following, the offset without.
 
     Each range is that of one axis with the others at rest. Not all axes can reach their ends
     together, and a combined motion can be longer than one axis alone: the box does not contain
@@ -78,12 +78,12 @@ ROUNDING_SHARE = 1e-12
 
 
 def least_share(sensor: Sensor, rules: Rules, power_off: float = 0.0) -> float:
-    """Least share of the light on a detector within the rules, rounded down.
+    """Least fraction of the light on a detector within the rules, rounded down.
 
     power_off: largest deviation of the laser's power, mW.
     """
-    share = rules.snr * power_floor(sensor) / (sensor.beam.power + power_off)
-    return share * (1 - ROUNDING_SHARE)
+    fraction = rules.snr * power_floor(sensor) / (sensor.beam.power + power_off)
+    return fraction * (1 - ROUNDING_SHARE)
 
 
 def parse_box(text: str) -> StateBox:

@@ -90,7 +90,7 @@ def resolution_row(row: Resolution, i: int) -> dict[str, Any]:
 def trial_columns(results: dict[str, PropagationResult]) -> dict[str, Any]:
     """The results of trials, one row for each pose and axis; um and urad.
 
-    Ends of intervals are relative to the estimate, which is that of readings without noise.
+    Ends of intervals are relative to the estimate, which is the pose of the readings without noise.
     """
     rows = [
         trial_row(number, where, result, i)

@@ -1,4 +1,4 @@
-"""Trials of a measurement: readings, parameters and priors drawn from what is known of them.
+"""Trials of a measurement: readings, parameters and priors drawn from their distributions.
 
 The propagation of distributions of JCGM 101 (supplement 1 to the GUM): each trial solves drawn
 readings with a drawn sensor and drawn priors, by the full model.
@@ -46,10 +46,11 @@ class TrialResults(NamedTuple):
 
 
 class ParameterDraws(NamedTuple):
-    """Drawn errors of what was calibrated.
+    """Drawn errors of calibrated parameters.
 
-    sensors: with the drawn parameters.  readings: (n, 9) added to corrected readings by errors of
-    corrections and of the model.  centre: (n, 2) of the light beside the beam's place, mm.
+    sensors: sensors with the drawn parameters.  readings: (n, 9) errors of corrected readings, due
+    to the corrections and the model.  centre: (n, 2) centre of the light relative to the beam's
+    place, mm.
     """
 
     sensors: VariedSensors
@@ -57,64 +58,66 @@ class ParameterDraws(NamedTuple):
     centre: Floats
 
 
-def draw_errors(known: Calibration, count: int, rng: np.random.Generator) -> Floats:
+def draw_errors(calibration: Calibration, count: int, rng: np.random.Generator) -> Floats:
     """Draws of the errors (count, p) of calibrated parameters.
 
-    Normal; with finite degrees of freedom multivariate t, the distribution that a covariance has
-    which was estimated (JCGM 102, 5.3).
+    They are normal, or multivariate t if the estimated covariance has finite degrees of freedom
+    (JCGM 102, 5.3).
     """
-    covariance = np.array(known.covariance)
+    covariance = np.array(calibration.covariance)
     drawn: Floats = rng.standard_normal((count, len(covariance))) @ root_of_covariance(covariance).T
-    freedom = known.degrees_of_freedom
+    freedom = calibration.degrees_of_freedom
     if freedom is not None and np.isfinite(freedom):
         drawn *= np.sqrt(freedom / rng.chisquare(freedom, (count, 1)))
     return drawn
 
 
 def draw_parameters(
-    sensor: Sensor, known: Calibration, raw: Floats, rng: np.random.Generator
+    sensor: Sensor, calibration: Calibration, raw: Floats, rng: np.random.Generator
 ) -> ParameterDraws:
     """Draw sensors with errors of their parameters, for raw readings (n, 9)."""
-    errors, beam = draw_errors(known, len(raw), rng), sensor.beam
+    errors, beam = draw_errors(calibration, len(raw), rng), sensor.beam
 
     def errors_of(names: Sequence[str]) -> Floats:
-        """The errors (n, m) of some names, 0 of those that were not calibrated."""
-        places = [known.names.index(name) if name in known.names else -1 for name in names]
+        """The errors (n, m) of parameters by their names, 0 for uncalibrated ones."""
+        places = [
+            calibration.names.index(name) if name in calibration.names else -1 for name in names
+        ]
         return np.pad(errors, ((0, 0), (0, 1)))[:, places]
 
     values = parameters(sensor) + errors_of(PARAMETERS)
-    if not set(known.names).isdisjoint(SHAPE):
+    if not set(calibration.names).isdisjoint(SHAPE):
         shape = shape_of(beam.diameter_x, beam.diameter_y, beam.rotation)
         places = [PARAMETERS.index(name) for name in OF_SHAPE]
         values[:, places] = axes_of_shapes(shape + errors_of(SHAPE), beam.rotation)
     light = None
-    if not set(known.names).isdisjoint(EFFECTS):
+    if not set(calibration.names).isdisjoint(EFFECTS):
         light = effects(sensor) + errors_of(EFFECTS)
     added = -errors_of(MISFIT) - errors_of(MODEL_ERROR)
-    if not set(known.names).isdisjoint(NAMES):
+    if not set(calibration.names).isdisjoint(NAMES):
         added += np.einsum("nij,nj->ni", correction_slopes(sensor, raw), errors_of(NAMES))
     sensors = VariedSensors(sensor, values, light)
     return ParameterDraws(sensors, added, errors_of(LIGHT_CENTRE))
 
 
 def draw_knowledge(knowledge: Knowledge, means: Floats, rng: np.random.Generator) -> Knowledge:
-    """Draw the means of priors.  means: (n, 3) the beam's place, mm, and its power, mW, that are
-    right in each trial."""
+    """Draw the means of priors.  means: (n, 3) the true place of the beam, mm, and its true power,
+    mW, in each trial."""
     beam = as_floats(knowledge.beam_sigma, "sigma")
     power = as_floats(knowledge.power_sigma, "sigma")
     place, light = means[:, :2], means[:, 2]
-    known = knowledge
+    drawn = knowledge
     if np.isfinite(beam).all():
         prior = Prior(place + beam * rng.standard_normal(place.shape), beam)
-        known = replace(known, beam=prior)
+        drawn = replace(drawn, beam=prior)
     if np.isfinite(power):
         prior = Prior(light + power * rng.standard_normal(light.shape), power)
-        known = replace(known, power=prior)
-    return known
+        drawn = replace(drawn, power=prior)
+    return drawn
 
 
 def knowledge_at(options: Solve, sensor: Sensor, state: Floats) -> Knowledge:
-    """The knowledge of the beam where the mirror and the beam are in a state (8,)."""
+    """The knowledge of the beam if the mirror and the beam are in a state (8,)."""
     knowledge = options.knowledge(sensor)
     if isinstance(knowledge.beam, Prior):
         knowledge = replace(knowledge, beam=Prior(tuple(state[6:]), knowledge.beam.sigma))
@@ -127,8 +130,8 @@ def estimator_of(options: Solve, sensor: Sensor) -> Estimator:
 
 
 def default_states(sensor: Sensor, rules: Rules, how: Estimator) -> dict[str, Floats]:
-    """States (8,) by their names: rest, and where each axis is worst known in its own range,
-    except at rest."""
+    """States (8,) by their names: rest, and the states other than rest at which an axis has its
+    largest uncertainty in its own range."""
     worst = resolve(sensor, rules, [how])[0].worst_state
     worst_by_name = {
         f"where {POSE[n]} is worst": state for n, state in enumerate(worst) if state.any()
@@ -138,8 +141,8 @@ def default_states(sensor: Sensor, rules: Rules, how: Estimator) -> dict[str, Fl
 
 def saturated_detectors(sensor: Sensor, state: Floats) -> list[str]:
     """The letters of the detectors whose light drives a converter past its end at a state (8,)."""
-    shares = fullness(sensor, readings(sensor, state))
-    return [letter for letter, share in zip("ABC", shares, strict=True) if share > 1]
+    loads = fullness(sensor, readings(sensor, state))
+    return [letter for letter, load in zip("ABC", loads, strict=True) if load > 1]
 
 
 class MeasurementTrials:
@@ -195,10 +198,10 @@ class MeasurementTrials:
         means = np.tile([*self.state[6:], sensor.beam.power], (count, 1))
         if sensor.calibration is None:
             # The paper's method takes no priors: the beam's place is free there, its power known.
-            known = self.knowledge
+            knowledge = self.knowledge
             if options.method != "paper":
-                known = draw_knowledge(known, means, rng)
-            question = options.question(known)._replace(covariance=False)
+                knowledge = draw_knowledge(knowledge, means, rng)
+            question = options.question(knowledge)._replace(covariance=False)
             solution = solve_question(sensor, values, question)
             return solution.state[:, :6], solution.status
         raw = invert_correction(sensor, values)

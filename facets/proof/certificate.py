@@ -24,8 +24,8 @@ def write_certificate(
 ) -> None:
     """Write a certificate in mm, rad and mW, with floats that read back the same.
 
-    resolved: the configuration whose checksum `about` has. An unsuccessful certificate is written
-    too, and the checker refuses it.
+    resolved: the configuration of the checksum in `about`. An unsuccessful certificate is also
+    written, and the checker refuses it.
     """
     content = {
         "format": FORMAT,
@@ -40,11 +40,11 @@ def write_certificate(
 
 
 def certificate_claims(certificate: Certificate) -> dict[str, Any]:
-    """Return the claims about the box of poses and about the least share of the light."""
+    """Return the claims about the box of poses and about the light on each facet."""
     return {
         "low": certificate.box.low[:6].tolist(),
         "high": certificate.box.high[:6].tolist(),
-        "least_share": certificate.share,
+        "least_share": certificate.least_share,
         "regular": certificate.regular,
         "unique": certificate.unique,
         "margin": certificate.margin,

@@ -1,15 +1,17 @@
-"""How the three facets share the beam, in intervals, and how the light moves at fixed shares.
+"""Enclosures of the facets' shares in the beam, and of the light's motion at fixed shares.
 
 Seen along the beam, the mirror's edges are three half-lines from the apex q, along unit vectors u_e
-with angles theta_e; units of the beam's sigma. A small change sweeps over edge e the light s_e =
-L_e (u_e x dq) + K_e dtheta_e, and facet k gains s_(k+1) - s_k. So the shares are constant exactly
-when s_0 = s_1 = s_2 = s. With rho = K / L, and weights alpha_e > 0 such that sum alpha_e u_e = 0,
+with angles theta_e; lengths are in units of the beam's sigma. In a small change, edge e sweeps over
+the light s_e = L_e (u_e x dq) + K_e dtheta_e, and facet k gains s_(k+1) - s_k. So the shares are
+constant if and only if s_0 = s_1 = s_2 = s. With rho = K / L, and weights alpha_e > 0 such that sum
+alpha_e u_e = 0,
 
     s = sum alpha_e rho_e dtheta_e / sum (alpha_e / L_e),    u_e x dq = s / L_e - rho_e dtheta_e.
 
-The light's centroid c on a facet moves by dc = (1 - S) dq + turning of the edges, where S, the
-covariance of a normal distribution cut to a convex set, lies between 0 and 1 (Brascamp & Lieb). All
-of this takes only exp and erfc of each edge. docs/uniqueness.md has the theorem that uses it.
+The centroid c of a facet's light moves by dc = (1 - S) dq plus the effect of the turning edges.
+Here S, the covariance of a normal distribution restricted to a convex set, lies between 0 and 1
+(Brascamp & Lieb). All of this needs only exp and erfc for each edge. docs/uniqueness.md has the
+theorem that uses it.
 """
 
 from __future__ import annotations
@@ -29,19 +31,19 @@ from .interval_matrix import UNION, Intervals, hull_of_arrays
 #: Number of slices of each facet's angle, and the further slices for each square sigma of the
 #: apex's offset, since the light on the slices then differs more.
 SLICES, SLICES_PER_SQUARE_SIGMA = 6, 5
-#: A box of offsets is quartered until the lower bounds of its shares are this part of the upper
-#: ones, but at most this many times.
+#: A box of offsets is quartered until the lower bound of each share is at least this fraction of
+#: the upper one, but at most this many times.
 SHARP_SHARE, MAX_QUARTERINGS = 0.25, 6
 #: The largest distance of the apex that is searched, sigmas: beyond, one facet has almost no light.
 FARTHEST_SIGMAS = 8.0
 
 
 class LightNotShared(Exception):
-    """Somewhere in the box a facet may span half a turn or more, or have no light."""
+    """Raised if a facet may span half a turn or more, or have no light, somewhere in the box."""
 
 
 class SharingBounds(NamedTuple):
-    """Bounds over a box of rotations, wherever each facet has its least share of the light.
+    """Bounds over a box of rotations, for all offsets at which each facet has enough light.
 
     from_point: (3, 2) the centroid of each facet's light less the apex, sigmas.  turns: (3, 2, 3)
     the derivative of `from_point` by roll, pitch and yaw at fixed shares, sigmas per rad.  slope:
@@ -63,7 +65,7 @@ class HalfLine(NamedTuple):
 
 
 class FacetLight(NamedTuple):
-    """A facet's share of the beam, and its light's centroid less the apex, sigmas."""
+    """Fraction of the beam on a facet, and the centroid (2,) of its light less the apex, sigmas."""
 
     mass: Interval
     from_point: Intervals
@@ -115,30 +117,32 @@ def facet_edges(geometry: Geometry, at: Scene, axes: Any) -> FacetEdges:
     return FacetEdges(angles, openings, np.array(turns))
 
 
-def bounds_at_fixed_shares(edges: FacetEdges, least: float) -> SharingBounds:
-    """Bounds for all offsets at which each facet has at least the share `least`."""
-    distance = farthest_offset(edges, least)
+def bounds_at_fixed_shares(edges: FacetEdges, least_share: float) -> SharingBounds:
+    """Bounds for all offsets at which each facet has at least this fraction of the light."""
+    distance = farthest_offset(edges, least_share)
     pieces: list[SharingBounds] = []
     todo = [(np.array([interval(-distance, distance)] * 2), 0)]
     while todo:
         q, depth = todo.pop()
-        lights = light_on_facets(edges, q, least)
+        lights = light_on_facets(edges, q, least_share)
         if len(lights) < 3:
             continue
         if depth == MAX_QUARTERINGS or are_sharp(lights):
-            pieces.append(bounds_near(edges, [limit_light(light, least) for light in lights], q))
+            pieces.append(
+                bounds_near(edges, [limit_light(light, least_share) for light in lights], q)
+            )
         else:
             todo += [(part, depth + 1) for part in quarters(q)]
     return hull_of_bounds(pieces)
 
 
-def light_on_facets(edges: FacetEdges, q: Intervals, least: float = 0.0) -> list[FacetLight]:
-    """The light on the facets over a box of offsets, up to the first one that has less than the
-    share `least`."""
+def light_on_facets(edges: FacetEdges, q: Intervals, least_share: float = 0.0) -> list[FacetLight]:
+    """The light on the facets over a box of offsets, up to the first facet that has less than the
+    least fraction."""
     lights = []
     for angle, opening in zip(edges.angles, edges.openings, strict=True):
         light = light_between(q, angle, opening)
-        if light.mass.upper() < least:
+        if light.mass.upper() < least_share:
             break
         lights.append(light)
     return lights
@@ -149,36 +153,37 @@ def are_sharp(lights: list[FacetLight]) -> bool:
     return all(light.mass.lower() > SHARP_SHARE * light.mass.upper() for light in lights)
 
 
-def limit_light(light: FacetLight, least: float) -> FacetLight:
-    """Narrow the light's bounds by the fact that the facet has the share `least`."""
-    low = max(light.mass.lower(), arb(least))
+def limit_light(light: FacetLight, least_share: float) -> FacetLight:
+    """Narrow the bounds of a facet's light by the fact that it has at least this fraction."""
+    low = max(light.mass.lower(), arb(least_share))
     return FacetLight(low.union(light.mass.upper()), light.from_point)
 
 
-def farthest_offset(edges: FacetEdges, least: float) -> float:
-    """A distance of the apex from the beam's centre beyond which a facet has less than its share.
+def farthest_offset(edges: FacetEdges, least_share: float) -> float:
+    """A distance of the apex from the beam's centre, in sigmas, beyond which some facet has less
+    than this fraction of the light.
 
     Raises `LightNotShared` if that distance exceeds `FARTHEST_SIGMAS`.
     """
-    if not share_beyond(edges, FARTHEST_SIGMAS) < least:
+    if not share_beyond(edges, FARTHEST_SIGMAS) < least_share:
         raise LightNotShared
     near, far = 0.0, FARTHEST_SIGMAS
     while far - near > 0.01:
         middle = (near + far) / 2
-        near, far = (near, middle) if share_beyond(edges, middle) < least else (middle, far)
+        near, far = (near, middle) if share_beyond(edges, middle) < least_share else (middle, far)
     return far
 
 
 def share_beyond(edges: FacetEdges, distance: float) -> Interval:
-    """An upper bound of the least share if the apex is further off than `distance`, in sigmas.
+    """An upper bound of the least share if the apex is further away than `distance`, in sigmas.
 
-    The direction of the offset lies in some facet; that facet is a convex set no nearer to the
-    beam's centre than the distance times the sine of its opening: it has no more light than a
-    half-plane at that distance.
+    The direction of the offset lies in some facet. That facet is a convex set. Its distance from
+    the beam's centre is at least the offset times the sine of its opening. So it has no more light
+    than a half-plane at that distance.
     """
     sines = [least_sine(part) for part in edges.openings]
     shares = [(distance * sine / ROOT_2).erfc() / 2 for sine in sines]
-    return max(share.upper() for share in shares)
+    return max(bound.upper() for bound in shares)
 
 
 def least_sine(opening: Interval) -> Interval:

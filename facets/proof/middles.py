@@ -1,11 +1,11 @@
 """Proof that no two states have the same readings, by the Jacobian about the segment's midpoint.
 
-With the shares fixed, G(p') - G(p) = M (p' - p), where M is the mean of dG over the segment from p
-to p'. For any function L that is affine in the pose, the mean of L is its value at the midpoint. So
-with dG - L in a remainder E everywhere in the box, M lies in L(middle) + E; and the midpoint lies
-in the box, since it is convex. If L follows dG, E contains only its curvature and the uncertainty
-of the light. So it suffices that L(piece) + E is regular for pieces that fill the box, where the
-hull of all dG is not.
+While the facets' shares in the light are fixed, G(p') - G(p) = M (p' - p), where M is the mean of
+dG over the segment from p to p'. For any function L that is affine in the pose, the mean of L is
+its value at the midpoint. So if dG - L lies in a remainder E everywhere in the box, M lies in
+L(middle) + E; and the midpoint lies in the box, since it is convex. If L approximates dG, E
+contains only the curvature of dG and the uncertainty of the light. So the proof succeeds if
+L(piece) + E is regular for pieces that fill the box, even where the hull of all dG is not.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ MOST_PIECES, MOST_CUTS = 4000, 12
 
 
 class AffineJacobian(NamedTuple):
-    """A matrix (6, 6) that is affine in the pose: value at `place` (6,), slopes (6, 6, 6), the
-    first index the axis of the pose. Any such matrix is valid; one nearer to dG proves more."""
+    """A matrix (6, 6) that is affine in the pose: its value at `place` (6,) and its slopes (6, 6,
+    6), whose first index is the axis of the pose. Any such matrix is valid; a better approximation
+    of dG proves more."""
 
     place: Floats
     value: Floats
@@ -87,8 +88,8 @@ def prove_by_middles(
         margin_of_piece = regularity(matrix)[0]
         if margin_of_piece > 0:
             margin = min(margin, margin_of_piece)
-            least = determinant_bound(matrix, slope, margin_of_piece)
-            pieces.append(proved_piece(low, high, least))
+            bound = determinant_bound(matrix, slope, margin_of_piece)
+            pieces.append(proved_piece(low, high, bound))
         elif depth == MOST_CUTS:
             break
         else:

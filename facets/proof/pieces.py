@@ -40,7 +40,7 @@ def initial_pieces(box: StateBox) -> Iterator[tuple[Floats, Floats]]:
 
 
 def share_levers(box: StateBox) -> Floats:
-    """Levers (6,) that measure a piece as shares of its box; 0 for an axis without width."""
+    """Levers (6,) that scale a piece to fractions of its box; 0 for an axis without width."""
     width = (box.high - box.low)[:6]
     return np.divide(1.0, width, out=np.zeros(6), where=width > 0)
 

@@ -15,8 +15,9 @@ class Tolerances(NamedTuple):
     """Tolerances of a sensor's parameters.  values: (30,) in the order of `facets.PARAMETERS`; mm,
     rad, mW.  source: their origin.
 
-    exact: names of parameters without a tolerance.  left_out: names with an uncertainty that are
-    none of the 30: the detectors' corrections, the beam's shape if it is not two diameters.
+    exact: names of parameters without a tolerance.  left_out: names of parameters that have an
+    uncertainty but are none of the 30: the detectors' corrections, and the beam's shape if it is
+    not given by two diameters.
     """
 
     values: tuple[float, ...]
@@ -32,12 +33,12 @@ def calibration_tolerances(settings: Config, factor: float) -> Tolerances:
     `calibrate.before`. A box of that half width contains the ellipsoid of the covariance with the
     same factor.
     """
-    known = settings.sensor.calibration
-    if known is None:
+    calibration = settings.sensor.calibration
+    if calibration is None:
         sigmas, source = prior_uncertainties(settings), "calibrate.before"
     else:
-        spread = np.sqrt(np.diag(np.array(known.covariance)))
-        sigmas = dict(zip(known.names, spread.tolist(), strict=True))
+        spread = np.sqrt(np.diag(np.array(calibration.covariance)))
+        sigmas = dict(zip(calibration.names, spread.tolist(), strict=True))
         source = "the sensor's calibration"
     values = tuple(round_up(factor * sigmas.get(name, 0.0)) for name in PARAMETERS)
     exact = tuple(name for name, value in zip(PARAMETERS, values, strict=True) if value == 0)

@@ -1,17 +1,17 @@
 """Proof that no two states in a box have the same readings, in intervals.
 
 The powers fix the apex's offset from the beam at each rotation (`light_sharing`). At fixed powers,
-the six coordinates of the spots are a map of apex and rotation alone, and the light's shape
-contributes fractions of a millimetre to it, on levers of a quarter of a metre. So its 6 x 6
-Jacobian
+the six coordinates of the spots depend on apex and rotation alone. The light's shape contributes
+fractions of a millimetre to them, on levers of a quarter of a metre. So the 6 x 6 Jacobian
 
     coordinate = along . (t - C) + shift . v,   d/dt = along,   d/dR = closed + shift . dv/dR
 
 varies little over a measurement range. Two conclusions follow, each from enclosing intervals:
 
-- regular at every state of a box: no singular state (Eq. 11 is not zero anywhere in it);
-- the hull of all its values over a convex box is regular: no two states of the box have the same
-  readings, since their difference would be in the kernel of a mean of such matrices.
+- If it is regular at every state of a box, the box has no singular state (Eq. 11 is not zero
+  anywhere in it).
+- If the hull of all its values over a convex box is regular, no two states of the box have the same
+  readings. Otherwise their difference would be in the kernel of a mean of such matrices.
 
 docs/uniqueness.md states and proves the theorem; `experiments.check_certificate` checks a
 certificate again with none of this code.
@@ -64,14 +64,15 @@ MOST_PIECES = 20_000
 
 @dataclass
 class Certificate:
-    """The proved statement about all states with a pose in a box at which each facet has its least
-    share.
+    """The proved statement about all states with a pose in a box, and with enough light on each
+    facet.
 
     tolerances: (30,) the largest errors of the parameters of the sensors for which it holds.
-    share: the least share of the light on each facet.
+    least_share: fraction of the beam's light that each facet has at least.
     regular: no such state is singular.  unique: no two of them have the same readings.
-    margin: of the hull's regularity, at most 1, 0 or less if it is not regular; a lower bound.
-    at_least: a lower bound of Eq. (11)'s |det|, without the least reading of power; mm, mW, rad.
+    margin: lower bound of the margin of the hull's regularity, at most 1; 0 or less if the hull is
+    not regular.
+    at_least: lower bound of Eq. (11)'s |det|, without the last reading of power; mm, mW, rad.
     doubtful: pieces that may have a singular state.  work: number of pieces examined.
     inverse (6, 6), weights (6,): the matrix and the vector of the inequality.
     shares: the bounds of the light, as numbers.  middles: the affine part in a proof by midpoints,
@@ -80,7 +81,7 @@ class Certificate:
 
     box: StateBox
     tolerances: tuple[float, ...] = (0.0,) * 30
-    share: float = 0.0
+    least_share: float = 0.0
     regular: bool = False
     unique: bool = False
     margin: float = -np.inf
@@ -109,19 +110,19 @@ def refusal_reason(sensor: Sensor) -> str:
 def certify(
     sensor: Sensor,
     box: StateBox,
-    share: float | None = None,
+    least_share: float | None = None,
     tolerances: Sequence[float] | None = None,
     pieces: int = MOST_PIECES,
     on_progress: Callable[[float], None] = lambda _: None,
 ) -> Certificate:
     """Try to prove that the box has no singular state, and no two states with equal readings.
 
-    share: the proof is about all states with a pose in the box at which each facet has at least
-    this share of the light; default: the least anywhere in the box with its offsets, which is then
-    covered.
+    least_share: fraction of the light. The proof covers all states with a pose in the box at which
+    each facet has at least this fraction. By default it is the least in the box with its offsets,
+    so that the whole box is covered.
     tolerances: (30,) the proof is for every sensor with parameters within them; mm, rad, mW.
-    pieces: largest number of pieces that are examined; those beyond it count as doubtful.
-    on_progress: receives the completed part. Only the edges cut the light.
+    pieces: largest number of pieces that are examined; all others count as doubtful.
+    on_progress: receives the completed fraction.
     """
     begin = time.perf_counter()
     certificate = Certificate(
@@ -133,7 +134,7 @@ def certify(
             prove(
                 interval_geometry(sensor, certificate.tolerances),
                 certificate,
-                share,
+                least_share,
                 pieces,
                 on_progress,
             )
@@ -148,19 +149,19 @@ def certify(
 def prove(
     geometry: Geometry,
     certificate: Certificate,
-    share: float | None,
+    least_share: float | None,
     pieces: int,
     on_progress: Callable[[float], None],
 ) -> None:
     """Fill in a certificate.
 
-    pieces: largest number that are examined. Raises `LightNotShared`.
+    pieces: largest number of pieces to examine. Raises `LightNotShared`.
     """
     parts = edges_over_rotations(geometry, certificate.box)
-    certificate.share = (
-        least_share_in_box(geometry, parts, certificate.box) if share is None else share
-    )
-    shares = hull_of_bounds([bounds_at_fixed_shares(edges, certificate.share) for edges in parts])
+    if least_share is None:
+        least_share = least_share_in_box(geometry, parts, certificate.box)
+    certificate.least_share = least_share
+    shares = hull_of_bounds([bounds_at_fixed_shares(edges, least_share) for edges in parts])
     certificate.shares = bounds_as_numbers(shares)
     slope = ends(slope_of_powers(geometry, shares))[0]
     if prove_at_once(geometry, certificate, shares, slope):
@@ -175,14 +176,15 @@ def prove(
 def prove_at_once(
     geometry: Geometry, certificate: Certificate, shares: SharingBounds, slope: float
 ) -> bool:
-    """Return whether no piece needs to be cut any further, and then fill in the certificate."""
-    looked = [(low, high, *examine_piece(geometry, shares, slope, low, high))
+    """Try the proof with the initial pieces; fill in the certificate and return True if it
+    succeeds."""
+    examined = [(low, high, *examine_piece(geometry, shares, slope, low, high))
               for low, high in initial_pieces(certificate.box)]  # fmt: skip
-    jacobians = [jacobian for *_, jacobian, _ in looked if jacobian is not None]
-    if len(jacobians) < len(looked):
+    jacobians = [jacobian for *_, jacobian, _ in examined if jacobian is not None]
+    if len(jacobians) < len(examined):
         return False
-    certificate.pieces = [proved_piece(a, b, least) for a, b, _, least in looked]
-    certificate.work = len(looked)
+    certificate.pieces = [proved_piece(a, b, bound) for a, b, _, bound in examined]
+    certificate.work = len(examined)
     conclude(geometry, certificate, shares, jacobians, slope)
     if not certificate.unique:
         certificate.pieces, certificate.at_least = [], 0.0
@@ -198,20 +200,20 @@ def conclude(
 ) -> None:
     """Conclude uniqueness from the Jacobians over the pieces: by their hull, if that is regular,
     else by midpoints."""
-    whole = hull_of_arrays([jacobian.over_piece() for jacobian in jacobians])
-    certificate.margin, certificate.inverse, certificate.weights = regularity(whole)
-    bound = determinant_bound(whole, slope, certificate.margin)
+    hull = hull_of_arrays([jacobian.over_piece() for jacobian in jacobians])
+    certificate.margin, certificate.inverse, certificate.weights = regularity(hull)
+    bound = determinant_bound(hull, slope, certificate.margin)
     certificate.pieces = [p._replace(at_least=max(p.at_least, bound)) for p in certificate.pieces]
     certificate.at_least = min(piece.at_least for piece in certificate.pieces)
     if not (certificate.margin > LEAST_HULL_MARGIN and certificate.at_least > 0):
         by_middles = prove_by_middles(geometry, shares, certificate.box, jacobians, slope)
         if by_middles.margin > max(certificate.margin, 0):
-            least = min(piece.at_least for piece in by_middles.pieces)
+            by_midpoint = min(piece.at_least for piece in by_middles.pieces)
             certificate.margin, certificate.middles = (
                 by_middles.margin,
                 by_middles.affine.as_numbers(),
             )
-            certificate.at_least = max(certificate.at_least, least)
+            certificate.at_least = max(certificate.at_least, by_midpoint)
     certificate.unique = certificate.margin > 0
     certificate.regular = certificate.unique or certificate.at_least > 0
 
@@ -224,27 +226,27 @@ def prove_pieces(
     pieces: int,
     on_progress: Callable[[float], None],
 ) -> list[Centred]:
-    """Sort the box's pieces into proved and doubtful ones; return the Jacobians of the proved
-    ones."""
+    """Halve the box's pieces until each is proved or doubtful; return the Jacobians over the
+    proved pieces."""
     todo = [(low, high, 0) for low, high in initial_pieces(certificate.box)]
     certificate.work = 0
-    whole, done, jacobians = len(todo), 0.0, []
+    count, completed, jacobians = len(todo), 0.0, []
     while todo:
         low, high, depth = todo.pop()
-        jacobian, least = examine_piece(geometry, shares, slope, low, high)
+        jacobian, bound = examine_piece(geometry, shares, slope, low, high)
         certificate.work += 1
         late = certificate.work >= pieces
-        if not (least > 0 or depth == MOST_CUTS or late):
+        if not (bound > 0 or depth == MOST_CUTS or late):
             todo += [(a, b, depth + 1) for a, b in halves_of(low, high, jacobian, certificate.box)]
             continue
-        piece = proved_piece(low, high, least)
-        if jacobian is not None and least > 0:
+        piece = proved_piece(low, high, bound)
+        if jacobian is not None and bound > 0:
             jacobians.append(jacobian)
             certificate.pieces.append(piece)
         else:
             certificate.doubtful.append(piece)
-        done += 0.5**depth / whole
-        on_progress(done)
+        completed += 0.5**depth / count
+        on_progress(completed)
         if len(certificate.doubtful) == MOST_DOUBTFUL:
             certificate.reason = "singular states may be in the pieces listed, and in others"
             break
@@ -300,7 +302,7 @@ def divide_side(box: StateBox, axis: int, count: int) -> list[Interval]:
 
 
 def slope_of_powers(geometry: Geometry, shares: SharingBounds) -> Interval:
-    """|d(power_a, power_b) / d(bx, by)|: the factor of Eq. (11) beside the 6 x 6 determinant."""
+    """|d(power_a, power_b) / d(bx, by)|: Eq. (11) is this times the 6 x 6 determinant."""
     white = geometry.whitening
     area = white[0][0] * white[1][1] - white[0][1] * white[1][0]
     return nonnegative_product(nonnegative_product(geometry.power**2, shares.slope), area)

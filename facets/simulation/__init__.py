@@ -8,7 +8,7 @@ else:
     __getattr__ = load_on_use(
         __name__,
         {
-            "axis_runs": "command_columns course_of course_states run_states",
+            "axis_runs": "command_columns run_states way_point_states way_points",
             "motion": "shaker_force states",
             "reference": "reference_columns reference_poses",
             "run": "axes pose_table reading_table reference_table statuses",

@@ -20,7 +20,7 @@ from .vibration import shake
 
 
 def find_motion(config: Config, name: str) -> Motion:
-    """Find the configuration's motion of a name."""
+    """Find a motion of the configuration by its name."""
     if name not in config.motions:
         has = ", ".join(config.motions) or "none"
         raise InputError(
@@ -75,8 +75,8 @@ def vibration_states(motion: Vibration, rng: np.random.Generator) -> tuple[Float
 
 @states.register
 def sine_states(motion: Sine, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    share = np.arange(motion.samples)[:, None] / motion.samples
-    angle = 2 * np.pi * np.array(motion.cycles) * share + np.array(motion.phase)
+    phase = np.arange(motion.samples)[:, None] / motion.samples
+    angle = 2 * np.pi * np.array(motion.cycles) * phase + np.array(motion.phase)
     waves = np.array(motion.amplitude) * np.sin(angle)
     return np.arange(motion.samples) / motion.rate, np.array(motion.centre) + waves
 
@@ -90,13 +90,13 @@ def random_states(motion: Random, rng: np.random.Generator) -> tuple[Floats, Flo
 
 
 def shaker_force(motion: Motion, rng: np.random.Generator) -> Floats | None:
-    """Force (n,) of a vibration's shaker, N, at the states that `states` gives for the same
-    `rng`, which stays as it is; None for other motions."""
+    """Force (n,) of a vibration's shaker, N, at the states that `states` gives for the same `rng`,
+    whose own state does not change; None for other motions."""
     return shake(motion, deepcopy(rng))[0] if isinstance(motion, Vibration) else None
 
 
 def read_motion_table(file: Path, rate: float) -> tuple[Floats, Floats]:
-    """Read states from a table with some columns of tx_mm ... by_mm; the others are zero."""
+    """Read states from a table with some of the columns tx_mm ... by_mm; absent ones are zero."""
     times, parts, rows = [], [], 0
     for chunk in read_chunks(file, optional=(*STATE_COLUMNS, "time_s")):
         if not any(name in chunk.columns for name in STATE_COLUMNS):

@@ -11,10 +11,10 @@ from ..core.units import Floats
 
 
 def reference_poses(poses: Floats, sigma: Sequence[float], rng: np.random.Generator) -> Floats:
-    """The poses (n, 6) with the reference's errors; NaN on an axis that it does not measure.
+    """Add the reference's errors to poses (n, 6); NaN on an axis that it does not measure.
 
-    sigma: (6,) its standard uncertainties, mm and rad, infinite for an axis without measurement.
-    An error stays constant while the mirror stands still, as an encoder's does.
+    sigma: (6,) standard uncertainties, mm and rad; infinite for an axis without measurement.
+    An error stays constant while the mirror is at rest, as that of an encoder.
     """
     error = rng.standard_normal(poses.shape)
     moved = np.append(True, (np.diff(poses, axis=0) != 0).any(axis=1))

@@ -40,8 +40,8 @@ class Segment:
 
     time: (n,) s.  truth: (n, 8) mm, rad.  readings: (n, 9) as solved, NaN for a detector that its
     spot misses.  place: (n, 2) the reported place of the beam, mm.  reached: (n, 3) whether the
-    spots lie on their detectors.  saturated: (n, 3) whether so much light fell on these that they
-    read nothing.  poses: solved by the measurement.  force: (n,) of a vibration's shaker, N.
+    spots lie on their detectors.  saturated: (n, 3) whether a detector has too much light to be
+    read.  poses: solved by the measurement.  force: (n,) of a vibration's shaker, N.
     """
 
     name: str
@@ -94,19 +94,19 @@ def read_detectors(
     these are saturated (n, 3)."""
     if not noise:
         exact = delayed_readings(sensor, time, truth, truth)
-        seen = mask_missed_spots(sensor, exact, exact)
+        measured = mask_missed_spots(sensor, exact, exact)
     else:
         exact = light_of_bench(sensor, time, truth, rng)
-        seen = add_noise(sensor, exact, rng)
+        measured = add_noise(sensor, exact, rng)
     reached = is_on_detector(sensor, exact)
-    # one that is dark reads nothing, either
-    saturated = reached & np.isnan(seen[:, 2::3]) & (fullness(sensor, exact) > 0.5)
-    return invert_correction(sensor, seen), reached, saturated
+    # a detector without light has no reading either
+    saturated = reached & np.isnan(measured[:, 2::3]) & (fullness(sensor, exact) > 0.5)
+    return invert_correction(sensor, measured), reached, saturated
 
 
 def light_of_bench(sensor: Sensor, time: Floats, truth: Floats, rng: np.random.Generator) -> Floats:
-    """Places and powers (n, 9) of the spots, with the jitter of the laser and slow noise, before
-    they are read."""
+    """Places and powers (n, 9) of the spots on the detectors, with the laser's jitter and slow
+    noise, and without the detectors' noise."""
     electronics, count, state = sensor.electronics, len(time), truth.copy()
     if electronics is not None and electronics.pointing > 0:
         state[:, 6:] += electronics.pointing * rng.standard_normal((count, 2))
@@ -143,12 +143,14 @@ def simulate_motion(
     time, truth = states(config.motions[name], rng)
     if track:
         truth = simulate_following(config.sensor, config.stage, time, truth)
-    seen, reached, saturated = read_detectors(config.sensor, time, truth, noise, rng)
+    measured, reached, saturated = read_detectors(config.sensor, time, truth, noise, rng)
     place = reported_beam_place(config.solve, truth, noise, rng)
-    aligned = align(config.sensor, time, seen)
+    aligned = align(config.sensor, time, measured)
     samples = Samples(aligned, time=time, place=place)
     (poses,) = measurement.poses_of_all([samples], f"motion {name}")
-    return Segment(name, time, truth, seen, place, reached, saturated, poses, measurement, force)
+    return Segment(
+        name, time, truth, measured, place, reached, saturated, poses, measurement, force
+    )
 
 
 @check_arguments
@@ -176,8 +178,7 @@ def simulate(
     track
         Whether the beam follows the mirror, carried by the configuration's stage.
     columns
-        What poses have beside those of mirror and object, such as displacements from a zero of each
-        motion.
+        Further columns of the poses, such as displacements from a zero of each motion.
 
     Returns
     -------
@@ -188,7 +189,7 @@ def simulate(
     Raises
     ------
     InputError
-        If the configuration does not have a motion of that name, or a motion not its zero.
+        If the configuration has no motion of that name, or a motion has no samples for its zero.
 
     Examples
     --------
@@ -216,33 +217,33 @@ def simulate(
 
 
 def generator_of(entropy: int, number: int) -> np.random.Generator:
-    """The random numbers of the motion with a number."""
+    """The random generator of the motion with this number."""
     return np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=(number,)))
 
 
 def axes(segment: Segment, body: MeasuredObject = MIRROR) -> list[AxisErrors]:
     """Compute the six axes' errors over the solved samples; NaN if there are none.
 
-    body: the object whose pose the axes are those of.
+    body: the object whose pose has these axes.
     """
     ok = segment.solution.converged
     errors, uncertainty, truth = segment.error, segment.solution.uncertainty, segment.truth
     if body != MIRROR:
-        found, truth = transform(segment.solution, body), transform(truth, body).pose
-        errors, uncertainty = found.pose - truth, found.uncertainty
+        poses, truth = transform(segment.solution, body), transform(truth, body).pose
+        errors, uncertainty = poses.pose - truth, poses.uncertainty
     rows = []
     for i, name in enumerate(POSE):
         error, sigma = errors[ok, i], uncertainty[ok, i]
         true = truth[:, i]
-        known = len(error) > 0
+        is_solved = len(error) > 0
         rows.append(
             AxisErrors(
                 name=name,
                 low=float(true.min()),
                 high=float(true.max()),
-                largest=float(np.abs(error).max()) if known else np.nan,
-                rms=float(np.sqrt(np.mean(error**2))) if known else np.nan,
-                uncertainty=float(np.sqrt(np.mean(sigma**2))) if known else np.nan,
+                largest=float(np.abs(error).max()) if is_solved else np.nan,
+                rms=float(np.sqrt(np.mean(error**2))) if is_solved else np.nan,
+                uncertainty=float(np.sqrt(np.mean(sigma**2))) if is_solved else np.nan,
             )
         )
     return rows
@@ -281,7 +282,7 @@ def pose_table(segments: Sequence[Segment]) -> dict[str, Any]:
 def true_columns(segment: Segment) -> dict[str, Any]:
     """True states, and true poses and displacements of the object, as columns.
 
-    A displacement is that from the true mean pose of the zero's samples; from the zero itself where
+    A displacement is relative to the true mean pose of the zero's samples, or to the zero itself if
     it comes from a file.
     """
     measurement = segment.measurement

@@ -1,12 +1,13 @@
-"""The vibration of a body on springs: the force of its shaker, and the displacement that it gives.
+"""The vibration of a body on springs: the force of its shaker, and the resulting displacement.
 
-The modes r have the natural frequency f_r, the damping ratio d_r and the static compliance c_r (per
+Each mode r has a natural frequency f_r, a damping ratio d_r and a static compliance c_r (for each
 axis of the pose). The receptance, displacement per force at the frequency f, is
 
     H(f) = sum over r of c_r / (1 - (f / f_r)^2 + 2 i d_r f / f_r).
 
-The force repeats, so that its discrete Fourier transform has all of it; the displacement is that
-transform times H. At the samples this is the exact steady state of the continuous body.
+The force is periodic, so that its discrete Fourier transform describes it completely. The
+displacement has this transform times H. At the samples this is the exact steady state of the
+continuous body.
 """
 
 from __future__ import annotations
@@ -20,24 +21,24 @@ from ..core.errors import InputError
 from ..core.motions import Vibration
 from ..core.units import Floats
 
-#: Upper end of the force's band by default, as a share of the rate.
+#: Default upper end of the force's band, as a fraction of the rate.
 BAND_SHARE = 0.4
-#: Length of the slopes at both ends of a burst and of a sweep, as a share of the period.
+#: Length of the slopes at both ends of a burst and of a sweep, as a fraction of the period.
 TAPER_SHARE = 0.02
 
 
 def receptance(motion: Vibration, frequency: Floats) -> NDArray[np.complex128]:
     """Displacement per force (m, 6), mm/N and rad/N, at frequencies (m,), Hz."""
-    found = np.zeros((len(frequency), 6), np.complex128)
+    response = np.zeros((len(frequency), 6), np.complex128)
     for mode in motion.modes.values():
-        share = np.asarray(frequency) / mode.frequency
-        factor = 1 / (1 - share**2 + 2j * mode.damping * share)
-        found += factor[:, None] * np.array(mode.compliance)
-    return found
+        ratio = np.asarray(frequency) / mode.frequency
+        factor = 1 / (1 - ratio**2 + 2j * mode.damping * ratio)
+        response += factor[:, None] * np.array(mode.compliance)
+    return response
 
 
 def shake(motion: Vibration, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """One period of the force (n,), N, and of the pose's displacement (n, 6), mm and rad."""
+    """One period of the force (n,), N, and of the displacement (n, 6) of the pose, mm and rad."""
     count = motion.samples
     frequency: Floats = np.fft.rfftfreq(count, 1 / motion.rate).astype(np.float64)
     high = motion.high if isfinite(motion.high) else BAND_SHARE * motion.rate
@@ -66,7 +67,8 @@ def shake(motion: Vibration, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _taper(count: int, length: int) -> Floats:
-    """A window (count,) that is one on the first `length` samples but for smooth slopes."""
+    """A window (count,) that is one on the first `length` samples, with smooth slopes at both
+    ends."""
     slope = max(1, round(TAPER_SHARE * count))
     window = np.zeros(count)
     window[:length] = 1.0

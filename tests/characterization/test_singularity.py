@@ -55,12 +55,12 @@ def test_points_of_a_sobol_sequence_are_those_of_scipy(dimension):
 
 def test_dark_states_are_counted_and_saturated_ones_measured_too():
     result = survey(PAPER, samples(parse_box("roll_mrad=2000"), 1000, "sobol", 1))
-    assert 0 < result.dark < 1000
+    assert 0 < result.unlit < 1000
     assert not result.one_sign
     state = np.zeros((5, 8))
     state[3:, :3] = 0.3, 0.3, 5.0  # mm: most of the light near the edge of one detector
     result = survey(facets.load("bench").sensor, iter([state]))
-    assert (result.states, result.dark, result.saturated) == (5, 0, 2)
+    assert (result.states, result.unlit, result.saturated) == (5, 0, 2)
 
 
 def test_states_are_counted_where_their_apex_is_off_the_beam():

@@ -41,7 +41,7 @@ BAD = [
     (("range-map", "paper", "--axes", "tx,sideways"), "allowed: two of tx, ty"),
     (("range-map", "paper", "--at", "tz_mm=high"), "allowed: NAME=NUMBER"),
     (("range-map", "paper", "--at", "tz_mm=20"), "spot leaves the PSD"),
-    (("range-map", "paper", "--at", "tx_mm=3"), "µW, and range.snr 810 asks for 32.4 µW"),
+    (("range-map", "paper", "--at", "tx_mm=3"), "µW, and range.snr 810 requires 32.4 µW"),
     (("jacobian", "paper", "--states", "100000000000"),
      "allowed: 1 to 1,073,741,824"),
     (("jacobian", "paper", "--box", "x=1"), "error: --box has 'x=1'"),

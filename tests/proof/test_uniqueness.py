@@ -125,7 +125,7 @@ def test_a_box_of_offsets_is_covered_by_its_least_share():
     assert certificate.unique
     states = box.states(np.random.default_rng(2).random((2000, 8)))
     least = facets.readings(PAPER, states)[:, 2::3].min() / PAPER.beam.power
-    assert 0.3 * least < certificate.share <= least
+    assert 0.3 * least < certificate.least_share <= least
 
 
 #: A detector that looks along its sub-beam's plane, and detectors without a lever for rotations.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facets.core import STATE, Runs
-from facets.simulation import command_columns, course_of, course_states, run_states
+from facets.simulation import command_columns, run_states, way_point_states, way_points
 
 
 def state(**values):
@@ -52,9 +52,9 @@ def test_stands_scatter_by_the_size_given():
 def errors_of(**keys):
     """The errors (10, 8) of an axis at the stands of its first run."""
     moved, plain = (
-        course_states(axis, np.random.default_rng(1)) for axis in (replace(AXIS, **keys), AXIS)
+        way_point_states(axis, np.random.default_rng(1)) for axis in (replace(AXIS, **keys), AXIS)
     )
-    return (moved - plain)[course_of(AXIS).is_stand][:10]
+    return (moved - plain)[way_points(AXIS).is_dwell][:10]
 
 
 def test_it_stands_at_its_places_and_overruns_the_ends():

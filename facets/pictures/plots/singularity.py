@@ -72,14 +72,14 @@ def draw_path_between_pair(panels: NDArray[np.object_], pair: AmbiguousPair) -> 
     """Draw the difference of readings and the determinant along the line between two states."""
     hues = chosen_hues()
     first, second = panels
-    first.plot(pair.share, pair.apart, color=hues.accent)
+    first.plot(pair.position, pair.difference, color=hues.accent)
     first.plot([0, 1], [0, 0], "o", color=hues.alarm, clip_on=False)
     first.set(
         xlabel="from one state (0) to its twin (1)",
         ylabel="readings apart, std. deviations",
         title="two states, the same readings",
     )
-    second.plot(pair.share, pair.determinant, color=hues.accent)
+    second.plot(pair.position, pair.determinant, color=hues.accent)
     zero(second, "singular")
     second.set(
         xlabel="from one state (0) to its twin (1)", ylabel=DETERMINANT,
