@@ -1,14 +1,15 @@
-"""How often the expanded uncertainties of `facets axis` hold the truth, over drawn axes.
+"""Coverage of the truth by the expanded uncertainties of `facets axis`, over random axes.
 
     python -m facets.experiments.studies.axis_tests [--first 0] [--draws 200]
 
-Each axis (along x or z, or about z) has errors of drawn sizes, from far below the sensor's
-uncertainty to far above. It is tested by a sensor whose parameters are off by a draw from its
-calibration's covariance, with noise, at a point up to 40 mm from the apex: five positions, five
-runs in each direction. The poses are solved, the stands found and evaluated as the command does.
-The truth is what the same formulas give for the true poses of the stands. Printed is, for each
-quantity, the share of axes in which it lies within its expanded uncertainty (expected: 95 %), for
-the main component and for all six, and the same for the error motions by position. Two minutes.
+Each axis (along x or z, or about z) has errors of random sizes, from far below the sensor's
+uncertainty to far above. It is tested at five positions, in five runs in each direction, at a point
+up to 40 mm from the apex. The errors of the sensor's parameters are drawn from its calibration's
+covariance, and its readings are noisy. The poses are solved, and the dwells found and evaluated, as
+the command does. The truth is the result of the same formulas for the true poses of the dwells. The
+study prints, for each quantity, the fraction of axes in which it lies within its expanded
+uncertainty (expected: 95 %), for the main component and for all six. It prints the same for the
+error motions by position. It takes two minutes.
 """
 
 from __future__ import annotations
@@ -46,12 +47,12 @@ AXES = {"X": (0.1, 0), "Z": (1.0, 2), "C": (0.008, 5)}
 
 def calibrated_sensor() -> Sensor:
     covariance = np.diag(np.square(list(SIGMAS.values())))
-    known = Calibration(tuple(SIGMAS), tuple(map(tuple, covariance.tolist())))
-    return replace(facets.load("paper").sensor, calibration=known)
+    calibration = Calibration(tuple(SIGMAS), tuple(map(tuple, covariance.tolist())))
+    return replace(facets.load("paper").sensor, calibration=calibration)
 
 
 def draw_rig(sensor: Sensor, rng: np.random.Generator) -> Sensor:
-    """A sensor whose parameters differ from the calibrated ones by a draw of their uncertainty."""
+    """A sensor whose parameters have random errors, drawn from their uncertainties."""
     values = values_of(sensor).copy()
     for name, sigma in SIGMAS.items():
         values[ALL.index(name)] += sigma * rng.standard_normal()
@@ -87,9 +88,9 @@ def evaluate(seed: int) -> tuple[str, AxisReport, Floats]:
     noisy = facets.add_noise(rig, facets.readings(rig, states), rng)
     solution = facets.solve(sensor, noisy, beam=KNOWLEDGE.beam, power=KNOWLEDGE.power)
     poses = np.where(solution.converged[:, None], solution.state, np.nan)
-    told = command_columns(motion)
-    positions = told["position_mrad"] / 1e3 if name == "C" else told["position_mm"]
-    commands = Commands(positions, (told["direction"] < 0).astype(np.int64))
+    columns = command_columns(motion)
+    positions = columns["position_mrad"] / 1e3 if name == "C" else columns["position_mm"]
+    commands = Commands(positions, (columns["direction"] < 0).astype(np.int64))
     series = PoseSeries(time, poses, solution.misfit)
     test = AxisTest(name, commands, body, shortest_s=0.04)
     report = evaluate_axis(sensor, KNOWLEDGE, series, test)
@@ -98,17 +99,20 @@ def evaluate(seed: int) -> tuple[str, AxisReport, Floats]:
     return name, report, visits.grid(fit_errors(visits, test).values.T)
 
 
-class Held(NamedTuple):
-    """Whether each quantity (6, q) of an axis lies within its expanded uncertainty of the truth;
-    the latter over the true value (q,) of the main component; and the share of positions (6,) at
-    which the error motion does. The main component comes first."""
+class Coverage(NamedTuple):
+    """Coverage of the truth for one axis, the main component first.
+
+    quantities: (6, q) whether each quantity lies within its expanded uncertainty of the truth.
+    relative: (q,) expanded uncertainty over the true value, of the main component.  positions: (6,)
+    fraction of positions at which the error motion lies within its expanded uncertainty.
+    """
 
     quantities: Floats
     relative: Floats
     positions: Floats
 
 
-def compare_with_truth(seed: int) -> Held:
+def compare_with_truth(seed: int) -> Coverage:
     _, report, true = evaluate(seed)
     held, size = np.empty((2, 6, len(QUANTITIES)))
     for n, (estimates, values) in enumerate(zip(report.quantities, true, strict=True)):
@@ -119,19 +123,21 @@ def compare_with_truth(seed: int) -> Held:
     order = [report.motions.main, *np.delete(np.arange(6), report.motions.main)]
     off = np.abs(report.means - report.mean_of_directions(true))
     positions = (off <= 2 * report.uncertainties).mean(axis=1)
-    return Held(held[order], size[order[0]], positions[order])
+    return Coverage(held[order], size[order[0]], positions[order])
 
 
 def main() -> None:
-    asked = parse_options(__doc__, first=0, draws=200)
-    held = [compare_with_truth(seed) for seed in range(asked.first, asked.first + asked.draws)]
+    options = parse_options(__doc__, first=0, draws=200)
+    held = [
+        compare_with_truth(seed) for seed in range(options.first, options.first + options.draws)
+    ]
     inside, relative, positions = (np.array(part) for part in zip(*held, strict=True))
-    print(f"{asked.draws} axes; share within the expanded uncertainty, %")
+    print(f"{options.draws} axes; fraction within the expanded uncertainty, %")
     print("quantity  main  all six   U over the value, quartiles (main)")
     for k, (_, symbol, _) in enumerate(QUANTITIES):
-        main_share, every = 100 * inside[:, 0, k].mean(), 100 * inside[:, :, k].mean()
+        of_main, of_all = 100 * inside[:, 0, k].mean(), 100 * inside[:, :, k].mean()
         low, middle, high = np.quantile(relative[:, k], [0.25, 0.5, 0.75])
-        print(f"{symbol:8}{main_share:6.1f}{every:8.1f}     {low:.3f} {middle:.3f} {high:.3f}")
+        print(f"{symbol:8}{of_main:6.1f}{of_all:8.1f}     {low:.3f} {middle:.3f} {high:.3f}")
     print(f"by position{100 * positions[:, 0].mean():5.1f}{100 * positions.mean():8.1f}")
 
 

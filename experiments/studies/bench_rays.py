@@ -1,11 +1,11 @@
 """Readings of a sensor on a bench, by rays: an oracle for tests and studies that shares no optics.
 
-Every facet is covered by a net of points, Gauss nodes in the angle between its edges and in the
-distance from its apex. Through each point goes the ray of a beam with an elliptical cross-section
-and a curved wavefront; it is reflected at the surface as it is there, rolled off towards the edges,
-with a metal's reflectance for the light's polarisation, and lands on the detector's plane. What the
-strips along the edges lose is left out of the net. Diffraction at the edges is added by its closed
-form (two terms for each edge), since rays know none; background light is added last.
+Every facet is covered by a net of points, which are Gauss nodes in the angle between its edges and
+in the distance from its apex. Each point has a ray of a beam with an elliptical cross-section and a
+curved wavefront. The ray is reflected at the local surface, which is rolled off towards the edges,
+with a metal's reflectance for the light's polarisation, and meets the detector's plane. The net
+excludes the strips along the edges, whose light is lost. Diffraction at the edges is added by its
+closed form (two terms for each edge), because rays do not have it. Background light is added last.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from facets.bench.ray_model import rotation
 from facets.core.sensor import Beam, BenchLight, Facet, Psd, Sensor
 from facets.core.units import Floats
 
-#: Nodes between the edges and away from the apex; how far the net goes, in the beam's sigmas.
+#: Numbers of nodes between the edges and away from the apex; extent of the net, in the beam's
+#: sigmas.
 ANGLES, DISTANCES, REACH = 40, 48, 6.0
 
 
 class RayBench(NamedTuple):
-    """The properties of the light that the nominal model does not have.
+    """Properties of a bench's light and facets that the nominal model does not have.
 
     covariance: of the irradiance (2, 2), mm^2.  curvature: of the wavefront (2, 2), 1/mm.
     wavelength: mm.  metal: its complex index, None for a perfect mirror.  polarisation: rad, None
@@ -55,9 +56,11 @@ class RayBench(NamedTuple):
 
     @classmethod
     def from_sensor(cls, sensor: Sensor) -> RayBench:
-        """The light of a sensor's beam with the effects of its `light`, and counted as there: its
-        power over the reflectance for unpolarised light at 45 degrees, the roll-off's depth from
-        the end of a lost strip on."""
+        """The light of a sensor's beam with the effects of `sensor.light`, in its conventions.
+
+        The power there is relative to the reflectance for unpolarised light at 45 degrees, and the
+        depth of the roll-off begins at the end of a lost strip.
+        """
         beam, light = sensor.beam, sensor.light
         turn = rotation(0.0, 0.0, beam.rotation)[:2, :2]
         covariance = turn @ np.diag([beam.diameter_x**2, beam.diameter_y**2]) / 16 @ turn.T
@@ -202,7 +205,7 @@ def spots(sensor: Sensor, bench: RayBench, state: Floats) -> Floats:
 
 class ReflectedLight(NamedTuple):
     """Light that points of a facet reflect: its power (n,), mW, its place (n, 2), mm, and the
-    reflected share at each point (n, m)."""
+    reflectance at each point (n, m)."""
 
     power: Floats
     place: Floats
@@ -214,12 +217,12 @@ def facet_light(
 ) -> ReflectedLight:
     """The light that points (m, 3) of a facet reflect onto its detector.
 
-    weights: their areas times their reflectance.  slope: of the surface there (m, 3).
+    weights: areas of the points, times any further factor.  slope: (m, 3) of the surface there.
     """
     turn = np.swapaxes(facet.turn, 1, 2)
     world = facet.states[:, None, :3] + points @ turn
     density, cosine, along = incident_light(facet, world)
-    reflected = reflected_share(facet, cosine)
+    reflected = reflectance_at(facet, cosine)
     weight = facet.power * density * weights * reflected
     surface = normalise(facet.normal - slope * np.ones_like(points)) @ turn
     leaving = along - 2 * (along * surface).sum(-1, keepdims=True) * surface
@@ -247,8 +250,8 @@ def spot(facet: RayFacet) -> Floats:
         for edge in facet.edges:
             power, centre = add_diffraction(facet, edge, reflected.mean(axis=1), power, centre)
     extra, at = bench.background[k, 0], bench.background[k, 1:]
-    whole = power + extra
-    return np.column_stack([(centre * power[:, None] + at * extra) / whole[:, None], whole])
+    total = power + extra
+    return np.column_stack([(centre * power[:, None] + at * extra) / total[:, None], total])
 
 
 def gauss_legendre(count: int, end: float) -> tuple[Floats, Floats]:
@@ -309,8 +312,8 @@ def incident_light(facet: RayFacet, world: Floats) -> tuple[Floats, Floats, Floa
     return bell * facing / np.linalg.det(matrix), cosine, along
 
 
-def reflected_share(facet: RayFacet, cosine: Floats) -> Floats:
-    """Reflected share of the light (n, m)."""
+def reflectance_at(facet: RayFacet, cosine: Floats) -> Floats:
+    """Reflectance (n, m) for the beam's polarisation."""
     bench, beam = facet.bench, facet.beam
     if bench.metal is None:
         return np.ones_like(cosine)
@@ -353,15 +356,18 @@ def add_diffraction(
     step -= ((step * surface).sum(-1) / (surface @ beam.along))[:, None] * beam.along
     arriving = (weight[..., None] * fan).sum(axis=1) / weight.sum(axis=1)[:, None]
     leaving = arriving - 2 * (surface * arriving).sum(-1, keepdims=True) * surface
-    here, path = landing_point(on_edge, leaving, psd)
+    spot_centre, path = landing_point(on_edge, leaving, psd)
     length = path * np.linalg.norm(leaving, axis=-1)
-    across = landing_point(on_edge + 1e-3 * step, leaving, psd)[0] - here
+    across = landing_point(on_edge + 1e-3 * step, leaving, psd)[0] - spot_centre
     across /= 1e-3
-    ahead, behind = steps_to_window(here, across, psd), steps_to_window(here, -across, psd)
+    ahead, behind = (
+        steps_to_window(spot_centre, across, psd),
+        steps_to_window(spot_centre, -across, psd),
+    )
     strength = bench.wavelength * length * per_mm / (4 * np.pi**2)
     sums = 1 / ahead + 1 / behind
     rest = power - strength * sums
-    moved = (here - centre) * sums[:, None] + across * np.log(behind / ahead)[:, None]
+    moved = (spot_centre - centre) * sums[:, None] + across * np.log(behind / ahead)[:, None]
     return rest, centre - strength[:, None] * moved / rest[:, None]
 
 

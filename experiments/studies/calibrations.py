@@ -3,21 +3,24 @@
     python -m facets.experiments.studies.calibrations [--faults disturbed] [--only outliers]
         [--first 0] [--draws 1] [--config paper] [--reach 0.25] [--show]
 
-Each rig has the light of a real bench, read by rays (`simulated_bench`), and the faults of a list:
-`nothing`; `disturbed`, one of a given size (`disturbed_rigs`); or `unseen`, one or two that were
-drawn at random by somebody who had not read the list of alternatives (`unseen_rigs`). It is
-calibrated from its table as `facets calibrate` does it, and tried on another motion in random poses
-at the mean temperature. There, faults of light, facets, detectors and electronics still act, in the
-state in which the calibration left them; other faults do not. --reach is that of the calibration's
-motion in x and y, mm; --show lists the rigs and calibrates none.
+Each rig has the light of a real bench, read by rays (`simulated_bench`), and the faults of a list.
+The list `nothing` has none. Those of `disturbed` have given sizes, one in a rig (`disturbed_rigs`).
+Those of `unseen`, one or two in a rig, were chosen by somebody who had not read the list of
+alternatives, and have random sizes (`unseen_rigs`). A rig is calibrated from its table as
+`facets calibrate` does, and tried on another motion in random poses at the mean temperature. During
+that motion faults of light, facets, detectors and electronics still act, in their state at the end
+of the calibration; other faults do not. --reach is the reach of the calibration's motion in x and
+y, mm; --show lists the rigs without calibrating them.
 
-A fault is harmless if it alone, without noise, changes the poses that follow from the readings less
-those of the reference by less than the noise of one pose, r.m.s. in every axis. A rig is trusted
-and wrong if its r.m.s. error in x or y is over twice the stated one, or in another axis over 1.25
-times with under 88 % of the 95 % intervals holding. A fault is named where a finding names
-alternatives of its group alone, among others where it names several groups and its own is one of
-them, told wrongly where no finding does so and one names groups of which the rig has no fault.
-Of `disturbed` it is also printed whether the sentence that is expected was said.
+A fault is harmless if the poses solved from the readings, less those of the reference, change by
+less than the noise of one pose, r.m.s. in every axis, when it acts alone and without noise. A rig
+is trusted and wrong if its r.m.s. error in x or y exceeds twice the stated one, or in another axis
+1.25 times, while under 88 % of the 95 % intervals contain the truth.
+
+A fault is named if a finding names alternatives of its group only. It is named among others if a
+finding names several groups, one of them its own. It is named wrongly if no finding does so, and
+one names only groups of which the rig has no fault. For `disturbed` the study also prints whether
+the expected sentence was printed.
 """
 
 from __future__ import annotations
@@ -61,18 +64,18 @@ from .simulated_bench import (
     states_at,
 )
 
-#: Groups of faults that go on acting when the calibrated sensor is used.
+#: Groups of faults that still act when the calibrated sensor is used.
 LASTING = ("light", "facets", "detectors", "electronics")
 #: Errors of a rig without a result.
 NOTHING = np.full(6, np.nan)
 
 
 class RigTrial(NamedTuple):
-    """The calibration of a rig, and what poses of another motion are worth with it.
+    """The calibration of a rig, and the errors of poses of another motion with it.
 
-    taken: effects of light that the calibration took.  seconds: of processor time.  over: r.m.s.
-    errors over those of a rig that is known perfectly (6,).  held: the share of 95 % intervals that
-    held (6,).  beyond: r.m.s. errors over stated standard uncertainties (6,).
+    taken: effects of light that the calibration accepted.  seconds: processor time.  over: r.m.s.
+    errors over those of a rig that is known perfectly (6,).  held: fraction of the 95 % intervals
+    that contain the truth (6,).  beyond: r.m.s. errors over stated standard uncertainties (6,).
     """
 
     is_trusted: bool
@@ -102,16 +105,16 @@ def assess_poses(
     perfect = facets.solve(sensor, ideal, beam="known", power="unknown", threads=1)
     solved = solve(sensor, readings_of(table))
     error, stated = (solved.state - state)[:, :6], solved.uncertainty[:, :6]
-    there = np.isfinite(error).sum(axis=0)  # a converter at its end leaves no pose
+    solved_count = np.isfinite(error).sum(axis=0)  # a saturated converter has no pose
     return trial._replace(
         over=rms(error) / rms((perfect.state - state)[:, :6]),
-        held=(np.abs(error) < 1.96 * stated).sum(axis=0) / there,
+        held=(np.abs(error) < 1.96 * stated).sum(axis=0) / solved_count,
         beyond=rms(error) / rms(stated),
     )
 
 
 def draw_calibration(seed: int, faults: list[Fault], sensor: Sensor, reach: float) -> MotionScene:
-    """A rig and the motion to calibrate it with; one in three with faults moves in time."""
+    """Draw a rig and the motion of its calibration; with two faults, one in three moves in time."""
     rng = np.random.default_rng(seed)
     real = draw_bench_rig(sensor, rng)
     in_time = any(fault.in_time for fault in faults) or (len(faults) > 1 and rng.random() < 0.3)
@@ -153,10 +156,10 @@ def is_harmless(scene: MotionScene, fault: Fault, seed: int) -> bool:
     return bool((rms(moved - off) < np.nanmedian(noise, axis=0)).all() and not missing.any())
 
 
-# ---- what the findings say
+# ---- the groups that findings name
 
 
-#: What says where rows are wrong, and not why; and what all of these rigs do.
+#: The alternative that names wrong rows without a cause, and the one that is true for all rigs.
 NO_CAUSE, ALWAYS = "outliers", "laser.drifted"
 #: The group of each alternative, by key; faults of the table have their words for keys.
 GROUP_OF = {part.key: part.group for part in (*ALTERNATIVES, *EVERY_EFFECT, *SCATTER.values())}
@@ -183,7 +186,7 @@ def groups_of(key: str) -> set[str]:
 
 
 def named_groups(trial: RigTrial) -> list[set[str]]:
-    """The groups that each finding names which names any."""
+    """The groups that each finding names, without findings that name none."""
     return [
         {group for key in part.causes for group in groups_of(key)}
         for part in trial.findings if part.causes and part.causes != (ALWAYS,)
@@ -191,7 +194,7 @@ def named_groups(trial: RigTrial) -> list[set[str]]:
 
 
 def classify(fault: Fault, faults: list[Fault], groups: list[set[str]]) -> str:
-    """How the findings tell a fault of a rig."""
+    """Classify how the findings name a fault of a rig."""
     if any(group in ({fault.group}, {fault.group, "environment"}) for group in groups):
         return "named"
     if fault.group == "table" and {NO_CAUSE} in groups:
@@ -232,7 +235,7 @@ def print_trial(trial: RigTrial) -> None:
 
 
 class OutcomeCounts:
-    """Counts of trials, by whether the rig deserves trust, and of faults, by how they are told."""
+    """Counts of trials by whether the rig deserves trust, and of faults by how they are named."""
 
     def __init__(self) -> None:
         self.rigs, self.faults = Counter[str](), Counter[str]()

@@ -1,6 +1,7 @@
-"""Faults of given sizes that no model of a calibration knows; a rig has one of them each.
+"""Faults of given sizes that are no parameters of a calibration; each rig has one of them.
 
-The sentence that must name a fault has one of its `words`; what no residual shows has none.
+The sentence that must name a fault has one of its `named_by`. A fault that no residual shows has
+none.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ from .faults import (
 )
 from .simulated_bench import Fault, Parts
 
-#: Share of the rows and size, in standard deviations, of readings that jump; see `faults.jumps`.
+#: Fraction of the rows, and size in standard deviations, of readings that jump; see `faults.jumps`.
 OUTLIERS = (
     (0.002, 1000, "single"), (0.002, 30, "rows"), (0.01, 10, "rows"), (0.01, 100, "rows"),
     (0.01, 1000, "rows"), (0.01, 1000, "bursts"), (0.02, 100, "single"), (0.03, 30, "detector"),
@@ -62,7 +63,7 @@ OUTLIERS = (
     (0.05, 1000, "single"), (0.05, 1000, "detector"),
 )  # fmt: skip
 ALL, REVERSED = range(9), slice(None, None, -1)
-#: Of a sixth of the rows, and after three fifths of them.
+#: A sixth of the rows, and those after three fifths.
 SIXTH, LATER = between(0.4, 0.56), step(0.6)
 #: Fringes 0.3 mm apart in the beam, as wave numbers in radians a standard deviation.
 WAVES = 2 * np.pi * 0.2125 / 0.3 * np.array([1, 1 / 3])
@@ -83,9 +84,9 @@ def exchange(*columns: int, stage: str = "readings") -> Parts:
 
 
 OUTLIER_CASES = [
-    case("outliers", f"{100 * share:g} %, {size} sigma, {kind}", scatter(jumps(share, size, kind)),
+    case("outliers", f"{100 * part:g} %, {size} sigma, {kind}", scatter(jumps(part, size, kind)),
          *(("outlier",) if size > 12 else ()))
-    for share, size, kind in OUTLIERS
+    for part, size, kind in OUTLIERS
 ]  # fmt: skip
 
 CASES: list[Fault] = [
@@ -187,7 +188,7 @@ CASES: list[Fault] = [
     case("electronics", "amplifiers saturate", bend_currents(np.minimum, 0.09),
          "saturate"),
     case("electronics", "0.5 % of A's currents leak into B", bend_currents(
-        lambda i, share: i + share * i[:, [0, 0, 0]], np.reshape([0, 5e-3, 0], (3, 1, 1))),
+        lambda i, leak: i + leak * i[:, [0, 0, 0]], np.reshape([0, 5e-3, 0], (3, 1, 1))),
         "leak"),
     case("electronics", "automatic zero every 50 rows", add_currents(1e-4, 50),
          "automatic zero"),

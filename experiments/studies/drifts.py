@@ -1,11 +1,11 @@
-"""What changes on a bench after a perfect calibration do to poses, over the noise of one reading.
+"""Shifts of poses by changes of a bench after a perfect calibration, over the noise of one reading.
 
     python -m facets.experiments.studies.drifts
 
 Readings of the changed sensor, without noise, are solved by the sensor as it was calibrated, over
-poses within 0.12 mm, 2 mm and 6 mrad of rest. Printed is the largest shift of x and y, and of the
-others, over what one reading's noise makes of them; with the beam's place known, and free. Half a
-minute, most of it compiling.
+poses within 0.12 mm, 2 mm and 6 mrad of rest. The study prints the largest shift of x and y, and of
+the other axes, over their standard uncertainty from one reading, with the beam's place known and
+free. It takes half a minute, most of it for compiling.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def poses(count: int = 300, seed: int = 1) -> Floats:
 
 
 def cases() -> dict[str, tuple[Floats, str]]:
-    """Readings after each change, and whether the laser's power is solved as known."""
+    """Readings after each change, and the knowledge of the laser's power in the solution."""
     some, beam = poses(), SENSOR.beam
     plain = facets.readings(SENSOR, some)
     moved, turned = some.copy(), some.copy()
@@ -85,9 +85,9 @@ def shift_to_noise_ratio(readings: Floats, beam: str, power: str) -> Floats:
 def main() -> None:
     print("| change | known: x, y | others | free, worst |\n| --- | --- | --- | --- |")
     for name, (readings, power) in cases().items():
-        known = shift_to_noise_ratio(readings, "known", power)
+        still = shift_to_noise_ratio(readings, "known", power)
         free = shift_to_noise_ratio(readings, "free", power)
-        print(f"| {name} | {known[:2].max():.2g} | {known[2:].max():.2g} | {free.max():.2g} |")
+        print(f"| {name} | {still[:2].max():.2g} | {still[2:].max():.2g} | {free.max():.2g} |")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,12 @@
 """Search for false proofs of uniqueness over random sensors, up to singular ones.
 
-`python -m facets.experiments.studies.false_proofs [--draws 200] [--seed 1]` writes one line a
-sensor and the sum.
+`python -m facets.experiments.studies.false_proofs [--draws 200] [--seed 1]` prints one line for
+each sensor, and the totals.
 
-The search shares no code with the proof or the optics: its forward model is the one that
-`facets bench` compares, rays through centroids that are integrated by Gauss and Legendre, and its
-derivatives are differences. It breaks a
-proof if it finds a determinant below the bound, or two states of the set that read the same.
+The search shares no code with the proof or the optics. Its forward model is the one that
+`facets bench` compares, rays through centroids that are integrated by Gauss and Legendre; its
+derivatives are differences. It breaks a proof if it finds a determinant below the bound, or two
+states of the set with equal readings.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ def model_of(sensor: Sensor) -> SlopeModel:
 
 @dataclass
 class ProofCase:
-    """A sensor, a box of poses and a least share."""
+    """A sensor, a box of poses, and the fraction of the light that each facet has at least."""
 
     sensor: Sensor
     box: StateBox
-    share: float
+    least_share: float
 
 
 def random_cases(count: int, seed: int) -> list[ProofCase]:
@@ -85,32 +85,32 @@ def random_cases(count: int, seed: int) -> list[ProofCase]:
 
 
 def states_of(case: ProofCase, model: SlopeModel, count: int, rng: np.random.Generator) -> Floats:
-    """Sample states of the set whose beam passes the apex within a few sigmas."""
+    """Sample states of the set at which the apex is within a few sigmas of the beam."""
     pose = rng.uniform(case.box.low[:6], case.box.high[:6], (count, 6))
     offset = rng.uniform(-1.5, 1.5, (count, 2)) * model.sigma
     through = pose[:, :3] - offset @ model.frame
     place = through - through[:, 2:] / model.down[2] * model.down
     states = np.column_stack([pose, place[:, :2]])
-    lit = model(states)[:, 2::3].min(axis=1) >= case.share * model.power
-    kept: Floats = states[lit]
-    return kept
+    lit = model(states)[:, 2::3].min(axis=1) >= case.least_share * model.power
+    lit_states: Floats = states[lit]
+    return lit_states
 
 
 def is_in_case(case: ProofCase, model: SlopeModel, states: Floats) -> NDArray[np.bool_]:
     pose = states[:, :6]
     boxed = (pose >= case.box.low[:6]).all(axis=1) & (pose <= case.box.high[:6]).all(axis=1)
-    lit = model(states)[:, 2::3].min(axis=1) >= case.share * model.power
+    lit = model(states)[:, 2::3].min(axis=1) >= case.least_share * model.power
     both: NDArray[np.bool_] = boxed & lit
     return both
 
 
 def breaks_bound(
-    case: ProofCase, model: SlopeModel, found: Certificate, rng: np.random.Generator
+    case: ProofCase, model: SlopeModel, proof: Certificate, rng: np.random.Generator
 ) -> bool:
     """Whether a state has a smaller determinant than the proved bound."""
     states = states_of(case, model, SAMPLES, rng)
     sizes = np.abs(np.linalg.det(model.slopes(states)[:, :8]))
-    return bool((sizes < found.at_least * (1 - 1e-6)).any())
+    return bool((sizes < proof.at_least * (1 - 1e-6)).any())
 
 
 def breaks_uniqueness(case: ProofCase, model: SlopeModel, rng: np.random.Generator) -> bool:
@@ -124,26 +124,26 @@ def breaks_uniqueness(case: ProofCase, model: SlopeModel, rng: np.random.Generat
     weakest = np.linalg.svd(model.slopes(first[:half])[:, :8] * STEP)[2][:, -1] * STEP
     width = np.abs(weakest[:, :6] / (case.box.high - case.box.low)[:6]).max(axis=1)
     other[:half] = first[:half] + weakest * (rng.uniform(-0.5, 0.5, half) / width)[:, None]
-    wanted = model(first)[:, :8]
+    target = model(first)[:, :8]
     for _ in range(STEPS):
-        missing = wanted - model(other)[:, :8]
+        missing = target - model(other)[:, :8]
         slopes = model.slopes(other)[:, :8]
         sound = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
-        first, other, wanted = first[sound], other[sound], wanted[sound]
+        first, other, target = first[sound], other[sound], target[sound]
         moved = (np.linalg.pinv(slopes[sound]) @ missing[sound][..., None])[..., 0]
         length = np.abs(moved / STEP).max(axis=1, initial=1.0)
         other = other + moved * np.minimum(1.0, 1e4 / length)[:, None]
-    same = np.abs(model(other)[:, :8] - wanted).max(axis=1, initial=0.0) < SAME
-    apart = np.abs(other - first).max(axis=1, initial=0.0) > APART
+    same = np.abs(model(other)[:, :8] - target).max(axis=1, initial=0.0) < SAME
+    differ = np.abs(other - first).max(axis=1, initial=0.0) > APART
     return bool(
-        (same & apart & is_in_case(case, model, other) & is_in_case(case, model, first)).any()
+        (same & differ & is_in_case(case, model, other) & is_in_case(case, model, first)).any()
     )
 
 
 def decide(case: ProofCase, rng: np.random.Generator) -> tuple[str, bool]:
     """Return the outcome and whether the search breaks it."""
     model = model_of(case.sensor)
-    proof = certify(case.sensor, case.box, case.share, pieces=WORK)
+    proof = certify(case.sensor, case.box, case.least_share, pieces=WORK)
     if proof.unique:
         return "unique", breaks_bound(case, model, proof, rng) or breaks_uniqueness(
             case, model, rng
@@ -152,7 +152,7 @@ def decide(case: ProofCase, rng: np.random.Generator) -> tuple[str, bool]:
     states = states_of(case, model, SAMPLES, rng)
     if len(states):
         weak = states[int(np.nanargmin(measures(case.sensor, states)[:, 1]))]
-        if find_pair_in_box(case.sensor, case.box, case.share, weak) is not None:
+        if find_pair_in_box(case.sensor, case.box, case.least_share, weak) is not None:
             return "counterexample", broken
     return ("regular" if proof.regular else "undecided"), broken
 

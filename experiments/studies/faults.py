@@ -1,5 +1,5 @@
-"""Faults of real benches, each made of the stages of a measurement at which it acts
-(`simulated_bench`): a change of the values there, most often a direction times a course.
+"""Faults of real benches. Each changes values at some stages of a measurement (`simulated_bench`),
+most often by a direction times a waveform.
 
 `disturbed_rigs` lists faults of given sizes, and `unseen_rigs` draws faults of random sizes.
 """
@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from facets.core.units import Floats
 from facets.detectors.noise import standard_deviations
 
-from .bench_rays import RayFacet, facet_light, facet_of, sample_facet, spots
+from .bench_rays import RayBench, RayFacet, facet_light, facet_of, sample_facet, spots
 from .rigs import Rng
 from .simulated_bench import Columns, MotionScene, Parts
 
@@ -25,42 +25,43 @@ HALF_MM, POWER_MW = 6.5, 0.1
 #: Columns of the places in a reading, and of the angles in a pose.
 PLACES, ANGLES = [0, 1, 3, 4, 6, 7], [3, 4, 5]
 
-#: Values (n,) of a fault over the rows.
-Course = Callable[[MotionScene, Rng], Floats]
+#: Function that computes the size (n,) of a fault over the rows.
+Waveform = Callable[[MotionScene, Rng], Floats]
+#: Function that selects rows.
 Rows = Callable[[MotionScene, Rng], Any]
 
 
-# ---- courses
+# ---- waveforms
 
 
-def step(at: float) -> Course:
-    return lambda scene, rng: (scene.share > at).astype(float)
+def step(at: float) -> Waveform:
+    return lambda scene, rng: (scene.progress > at).astype(float)
 
 
 def ramp(scene: MotionScene, rng: Rng) -> Floats:
-    return scene.share - 0.5
+    return scene.progress - 0.5
 
 
 def warmth(scene: MotionScene, rng: Rng) -> Floats:
     return scene.air
 
 
-def late_warmth(tau: float) -> Course:
+def late_warmth(tau: float) -> Waveform:
     """The temperature of a body that follows the air with a time constant, s."""
 
-    def course(scene: MotionScene, rng: Rng) -> Floats:
+    def waveform(scene: MotionScene, rng: Rng) -> Floats:
         follow = 1 - np.exp(-(scene.time[1] - scene.time[0]) / tau)
         late = scene.air[0] + low_pass(scene.air - scene.air[0], follow, 1 - follow)
         return np.asarray(late - late.mean())
 
-    return course
+    return waveform
 
 
 def white(scene: MotionScene, rng: Rng) -> Floats:
     return rng.standard_normal(scene.rows)
 
 
-def wander(length: float) -> Course:
+def wander(length: float) -> Waveform:
     """Random motion of r.m.s. 1 with a memory of some rows."""
     keep = np.exp(-1 / length)
     return lambda scene, rng: low_pass(white(scene, rng), np.sqrt(1 - keep**2), keep)
@@ -72,19 +73,19 @@ def walk(scene: MotionScene, rng: Rng) -> Floats:
     return np.asarray((way - way.mean()) / way.std())
 
 
-def hum(per_row: float) -> Course:
-    """A vibration that the rows sample too seldom."""
+def hum(per_row: float) -> Waveform:
+    """A vibration with more cycles than the rows resolve."""
     return lambda scene, rng: np.sin(2 * np.pi * (per_row * np.arange(scene.rows) + rng.random()))
 
 
-def hops(length: float) -> Course:
+def hops(length: float) -> Waveform:
     """Random jumps between 0 and 1, some rows apart."""
     return lambda scene, rng: (np.cumsum(rng.random(scene.rows) < 1 / length) % 2).astype(float)
 
 
-def glitches(share: float) -> Course:
-    """Random numbers in a share of the rows, 0 in the others."""
-    return lambda scene, rng: white(scene, rng) * (rng.random(scene.rows) < share)
+def glitches(fraction: float) -> Waveform:
+    """Random numbers in a fraction of the rows, 0 in the others."""
+    return lambda scene, rng: white(scene, rng) * (rng.random(scene.rows) < fraction)
 
 
 def low_pass(values: Floats, gain: float, keep: float) -> Floats:
@@ -99,14 +100,14 @@ def previous(values: Floats) -> Floats:
 
 
 def detector_vector(k: int, direction: Floats | list[float]) -> Floats:
-    """A direction (9,) of readings that is one of a detector's place (2,), or reading (3,)."""
+    """A direction (9,) of readings, from that of one detector's place (2,) or reading (3,)."""
     out = np.zeros(9)
     out[3 * k : 3 * k + len(direction)] = direction
     return out
 
 
 def place_vector(directions: Floats) -> Floats:
-    """A direction (9,) of readings that is one of all places (6,)."""
+    """A direction (9,) of readings, from that of all places (6,)."""
     out = np.zeros(9)
     out[PLACES] = directions
     return out
@@ -120,48 +121,49 @@ def axis(number: int, size: float = 1.0) -> Floats:
 # ---- changes at a stage
 
 
-def add(stage: str, direction: Floats | list[float], course: Course) -> Parts:
-    """Add a direction (m,) times a course."""
-    return {stage: lambda values, scene, rng: values + np.outer(course(scene, rng), direction)}
+def add(stage: str, direction: Floats | list[float], waveform: Waveform) -> Parts:
+    """Add a direction (m,) times a waveform."""
+    return {stage: lambda values, scene, rng: values + np.outer(waveform(scene, rng), direction)}
 
 
-def add_each(stage: str, directions: Floats | list[float], course: Course) -> Parts:
-    """Add to each component of a direction (m,) a course of its own, such as noise."""
+def add_each(stage: str, directions: Floats | list[float], waveform: Waveform) -> Parts:
+    """Add each component of a direction (m,) with a separate draw of the waveform, such as
+    noise."""
 
     def hook(values: Floats, scene: MotionScene, rng: Rng) -> Floats:
-        each = np.column_stack([size * course(scene, rng) for size in directions])
+        each = np.column_stack([size * waveform(scene, rng) for size in directions])
         return np.asarray(values + each)
 
     return {stage: hook}
 
 
 def change_bench(**fields: Any) -> Parts:
-    """Give the light of the rays other properties, by fields of `RayBench`."""
+    """Change properties of the rays' light, which are fields of `RayBench`."""
     return {"bench": lambda bench, scene, rng: bench._replace(**fields)}
 
 
 def change_profile(factor: Callable[[Floats, Floats], Any]) -> Parts:
-    """A factor of the irradiance at places x, y, in standard deviations of the beam."""
+    """Multiply the irradiance by a function of x and y, in standard deviations of the beam."""
     return change_bench(profile=lambda places: factor(places[..., 0], places[..., 1]))
 
 
-def add_mode(share: float) -> Callable[[Floats, Floats], Floats]:
-    """A share of the light is in the first ring mode."""
-    return lambda x, y: 1 + share * ((1 - (x * x + y * y) / 2) ** 2 - 1)
+def add_mode(fraction: float) -> Callable[[Floats, Floats], Floats]:
+    """A fraction of the light is in the first ring mode."""
+    return lambda x, y: 1 + fraction * ((1 - (x * x + y * y) / 2) ** 2 - 1)
 
 
-def add_ghost(share: float, a: float, b: float) -> Callable[[Floats, Floats], Floats]:
-    """A second beam with a share of the first, a and b standard deviations beside it."""
-    return lambda x, y: 1 - share + share * np.exp(a * x + b * y - (a * a + b * b) / 2)
+def add_ghost(fraction: float, a: float, b: float) -> Callable[[Floats, Floats], Floats]:
+    """A second beam with a fraction of the light, a and b standard deviations from the first."""
+    return lambda x, y: 1 - fraction + fraction * np.exp(a * x + b * y - (a * a + b * b) / 2)
 
 
 def add_fringes(depth: float, waves: Floats, phase: float = 0.0) -> Any:
-    """Fringes of a depth, with wave numbers in radians a standard deviation."""
+    """Fringes of a relative depth; waves: wave numbers (2,), radians per standard deviation."""
     return lambda x, y: 1 + depth * np.cos(waves[0] * x + waves[1] * y + phase)
 
 
-def dim(loss: float, course: Course) -> Parts:
-    return {"power": lambda power, scene, rng: power * (1 - loss * course(scene, rng))}
+def dim(loss: float, waveform: Waveform) -> Parts:
+    return {"power": lambda power, scene, rng: power * (1 - loss * waveform(scene, rng))}
 
 
 def error_matrix(matrix: Floats) -> Parts:
@@ -175,24 +177,24 @@ def pose_error(number: int, error: Callable[[Floats], Floats]) -> Parts:
 
 
 def backlash(size: Floats) -> Parts:
-    """Make the mirror lag by half of the backlash, against each axis's last step."""
+    """The mirror lags by half of the backlash, against each axis's last step."""
     return {"mirror": lambda pose, scene, rng: pose - size * np.sign(pose - previous(pose))}
 
 
-def lag(share: float) -> Parts:
-    """The mirror stays behind by a share of each step."""
-    return {"mirror": lambda pose, scene, rng: pose - share * (pose - previous(pose))}
+def lag(fraction: float) -> Parts:
+    """The mirror lags by a fraction of each step."""
+    return {"mirror": lambda pose, scene, rng: pose - fraction * (pose - previous(pose))}
 
 
-def delay(late: float, course: Course) -> Parts:
-    """A reference that is sampled later than the readings, by `late` s times a course."""
-    return {"reference": lambda said, scene, rng: said + scene.shift(late * course(scene, rng))}
+def delay(late: float, waveform: Waveform) -> Parts:
+    """A reference that is sampled later than the readings, by `late` s times a waveform."""
+    return {"reference": lambda said, scene, rng: said + scene.shift(late * waveform(scene, rng))}
 
 
 def edit(
     stage: str, columns: Any, change: Callable[[Floats], Floats], rows: Rows | None = None
 ) -> Parts:
-    """Change columns (n, m) of readings or poses, in some rows."""
+    """Change columns (n, m) of readings or poses in some rows, by default in all."""
 
     def hook(values: Floats, scene: MotionScene, rng: Rng) -> Floats:
         out, some = values.copy(), rows(scene, rng) if rows else np.ones(scene.rows, bool)
@@ -203,11 +205,11 @@ def edit(
 
 
 def between(first: float, last: float) -> Rows:
-    return lambda scene, rng: (scene.share >= first) & (scene.share < last)
+    return lambda scene, rng: (scene.progress >= first) & (scene.progress < last)
 
 
-def random_rows(share: float) -> Rows:
-    return lambda scene, rng: rng.random(scene.rows) < share
+def random_rows(fraction: float) -> Rows:
+    return lambda scene, rng: rng.random(scene.rows) < fraction
 
 
 def round_to(grid: float | Floats) -> Callable[[Floats], Floats]:
@@ -238,14 +240,14 @@ def take_rows(order: Rows) -> Parts:
     return {"table": hook}
 
 
-def add_column(name: str, course: Course) -> Parts:
-    """A further column, such as the temperature, of the rows as they were measured."""
+def add_column(name: str, waveform: Waveform) -> Parts:
+    """Add a column to the table, such as the temperature, for the rows as they were measured."""
     return {"table": lambda columns, scene, rng: columns | {
-        name: course(scene, rng)[columns["row"].astype(int)]}}  # fmt: skip
+        name: waveform(scene, rng)[columns["row"].astype(int)]}}  # fmt: skip
 
 
-def add_thermometer(course: Course = warmth) -> Parts:
-    return add_column("temperature_c", lambda scene, rng: np.round(21.3 + course(scene, rng), 3))
+def add_thermometer(waveform: Waveform = warmth) -> Parts:
+    return add_column("temperature_c", lambda scene, rng: np.round(21.3 + waveform(scene, rng), 3))
 
 
 # ---- readings
@@ -254,29 +256,30 @@ def add_thermometer(course: Course = warmth) -> Parts:
 def add_light(raw: Floats, power: Floats, place: Floats) -> Floats:
     """Add light of powers (n, 3) at places (n, 3, 2) to readings."""
     parts = raw.reshape(-1, 3, 3)
-    whole = parts[..., 2] + power
-    both = parts[..., :2] * parts[..., 2:] + place * power[..., None]
-    return np.concatenate([both / whole[..., None], whole[..., None]], axis=-1).reshape(-1, 9)
+    total = parts[..., 2] + power
+    moments = parts[..., :2] * parts[..., 2:] + place * power[..., None]
+    return np.concatenate([moments / total[..., None], total[..., None]], axis=-1).reshape(-1, 9)
 
 
-def shine(power: Floats | list[float], place: Floats, course: Course) -> Parts:
+def shine(power: Floats | list[float], place: Floats, waveform: Waveform) -> Parts:
     """Other light of powers (3,) at places (3, 2) on the detectors."""
     return {"readings": lambda raw, scene, rng: add_light(
-        raw, np.outer(course(scene, rng), power), place[None])}  # fmt: skip
+        raw, np.outer(waveform(scene, rng), power), place[None])}  # fmt: skip
 
 
-def scatter_light(k: int, share: float, place: Floats) -> Parts:
-    """A share of the light of the next facet falls on a place of a detector."""
+def scatter_light(k: int, fraction: float, place: Floats) -> Parts:
+    """A fraction of the next facet's light falls on a place of a detector."""
 
     def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
-        power = share * raw[:, 3 * ((k + 1) % 3) + 2]
+        power = fraction * raw[:, 3 * ((k + 1) % 3) + 2]
         return add_light(raw, np.outer(power, np.eye(3)[k]), np.broadcast_to(place, (1, 3, 2)))
 
     return {"readings": hook}
 
 
 def lose_light(k: int, patch: Callable[[RayFacet], tuple[Floats, Floats]]) -> Parts:
-    """Take the light away that a patch of a facet reflects, its points (m, 3) and areas (m,)."""
+    """Remove the light that a patch of a facet reflects; patch: its points (m, 3) and areas
+    (m,)."""
 
     def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         assert scene.states is not None
@@ -290,8 +293,11 @@ def lose_light(k: int, patch: Callable[[RayFacet], tuple[Floats, Floats]]) -> Pa
 
 
 def dust(k: int, radius: float, loss: float, away: float, opening: float) -> Parts:
-    """A disc that takes a share of the light, `away` mm from the tip of a facet, at a share of the
-    facet's opening; radius: mm."""
+    """A disc that absorbs a fraction of the light, `away` mm from the tip of a facet.
+
+    radius: of the disc, mm.  opening: direction of its centre, as a fraction of the facet's
+    opening.
+    """
     r, turn = np.meshgrid(np.sqrt((np.arange(8) + 0.5) / 8), np.arange(16) * np.pi / 8)
     flat = radius * np.column_stack([(r * np.cos(turn)).ravel(), (r * np.sin(turn)).ravel()])
 
@@ -305,7 +311,7 @@ def dust(k: int, radius: float, loss: float, away: float, opening: float) -> Par
 
 
 def tarnish(k: int, loss: float) -> Parts:
-    """A facet reflects less by `loss` for each mm from its first edge on."""
+    """A facet's reflectance decreases by `loss` for each mm from its first edge."""
 
     def patch(facet: RayFacet) -> tuple[Floats, Floats]:
         points, area, distances = sample_facet(facet)
@@ -318,24 +324,29 @@ def turn_polarisation(turn: float) -> Parts:
     """The light's polarisation turns from the first row to the last."""
 
     def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
-        sensor, bench, states = scene.real.rig.sensor, scene.real.bench, scene.states
-        assert states is not None
-        other = bench._replace(polarisation=(bench.polarisation or 0.0) + turn)
-        change = spots(sensor, other, states) - spots(sensor, bench, states)
-        return raw + scene.share[:, None] * change
+        angle = (scene.real.bench.polarisation or 0.0) + turn
+        bench = scene.real.bench._replace(polarisation=angle)
+        return raw + scene.progress[:, None] * (
+            exact_readings(scene, bench) - exact_readings(scene)
+        )
 
     return {"readings": hook}
+
+
+def exact_readings(
+    scene: MotionScene, bench: RayBench | None = None, moved: Floats | float = 0.0
+) -> Floats:
+    """Exact readings (n, 9) of a scene, with other light or with states that are moved."""
+    assert scene.states is not None
+    return spots(scene.real.rig.sensor, bench or scene.real.bench, scene.states + moved)
 
 
 def delay_detector(k: int, late: float) -> Parts:
     """A detector that is read later than the others, by `late` s."""
 
     def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
-        sensor, bench, states = scene.real.rig.sensor, scene.real.bench, scene.states
-        assert states is not None
-        there = states.copy()
-        there[:, :6] += scene.shift(np.full(scene.rows, late))
-        change = spots(sensor, bench, there) - spots(sensor, bench, states)
+        moved = np.pad(scene.shift(np.full(scene.rows, late)), ((0, 0), (0, 2)))
+        change = exact_readings(scene, moved=moved) - exact_readings(scene)
         return np.asarray(raw + change * (np.arange(9) // 3 == k))
 
     return {"readings": hook}
@@ -346,13 +357,13 @@ def bend_places(k: int, error: Callable[[Floats], Floats]) -> Parts:
     return edit("readings", [3 * k, 3 * k + 1], lambda place: place + error(place))
 
 
-def remember(share: float, detectors: Floats | float = 1.0) -> Parts:
-    """Detectors (9,) whose readings keep a share of the last ones."""
-    return {"readings": lambda raw, scene, rng: raw + share * detectors * (previous(raw) - raw)}
+def remember(fraction: float, detectors: Floats | float = 1.0) -> Parts:
+    """Readings that retain a fraction of the previous row; detectors: weights (9,)."""
+    return {"readings": lambda raw, scene, rng: raw + fraction * detectors * (previous(raw) - raw)}
 
 
 def change_currents(raw: Floats, change: Callable[[Floats], Floats]) -> Floats:
-    """Change the electrodes' currents (n, 3, 2, 2), in mW: detector, axis, end."""
+    """Change the electrodes' currents (n, 3, 2, 2), mW, of each detector, axis and end."""
     parts, out = raw.reshape(-1, 3, 3), np.empty((len(raw), 3, 3))
     ends = np.stack([1 + parts[..., :2] / HALF_MM, 1 - parts[..., :2] / HALF_MM], axis=-1)
     current = change(ends * parts[..., 2, None, None] / 2)
@@ -368,30 +379,30 @@ def bend_currents(change: Callable[[Floats, Any], Floats], size: Floats | float)
 
 
 def add_currents(size: float, every: int) -> Parts:
-    """An automatic zero that sets new offsets after some rows, by random numbers of a size, mW."""
+    """An automatic zero that sets new random offsets after some rows; size: their r.m.s., mW."""
 
     def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
-        offsets = size * rng.standard_normal((scene.rows // every + 1, 3, 2, 2))
-        dark = np.repeat(offsets, every, axis=0)[: scene.rows]
-        return change_currents(raw, lambda current: current + dark)
+        draws = size * rng.standard_normal((scene.rows // every + 1, 3, 2, 2))
+        offset = np.repeat(draws, every, axis=0)[: scene.rows]
+        return change_currents(raw, lambda current: current + offset)
 
     return {"readings": hook}
 
 
-def warm_gain(shares: Floats) -> Parts:
-    """The gain of electrodes changes by shares (3, 2, 2) for each K."""
+def warm_gain(slopes: Floats) -> Parts:
+    """The gains of electrodes change with the temperature; slopes: (3, 2, 2) relative, 1/K."""
     return {"readings": lambda raw, scene, rng: change_currents(
-        raw, lambda current: current * (1 + np.multiply.outer(scene.air, shares)))}  # fmt: skip
+        raw, lambda current: current * (1 + np.multiply.outer(scene.air, slopes)))}  # fmt: skip
 
 
 def scatter(change: Callable[[Floats, Floats, Rng], Floats]) -> Parts:
-    """Change readings by their standard deviations (n, 9)."""
+    """Change readings by a function of them and of their standard deviations (n, 9)."""
     return {"readings": lambda raw, scene, rng: change(
         raw, standard_deviations(scene.real.rig.sensor, raw), rng)}  # fmt: skip
 
 
 def add_noise(weights: Floats, in_common: bool = False) -> Parts:
-    """Add noise by weights (9,) of the readings' own, each by itself or all together."""
+    """Add noise, as multiples (9,) of the readings' own; independent, or common to all."""
     return scatter(
         lambda raw, sigma, rng: (
             raw + weights * sigma * rng.standard_normal((len(raw), 1 if in_common else 9))
@@ -399,15 +410,15 @@ def add_noise(weights: Floats, in_common: bool = False) -> Parts:
     )
 
 
-def jumps(share: float, size: float, kind: str) -> Callable[[Floats, Floats, Rng], Floats]:
-    """Readings of which a share of the rows is shifted by `size` standard deviations.
+def jumps(fraction: float, size: float, kind: str) -> Callable[[Floats, Floats, Rng], Floats]:
+    """Shift the readings in a fraction of the rows by `size` standard deviations.
 
-    kind: "rows", all nine of a row; "single", one of the nine; "bursts", rows that follow each
-    other, all with the same signs; "detector", the three of detector B.
+    kind: "rows", all nine of a row; "single", one of the nine; "bursts", those of consecutive rows,
+    with the same signs; "detector", the three of detector B.
     """
 
-    def spoil(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
-        count = max(1, round(share * len(raw)))
+    def corrupt(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        count = max(1, round(fraction * len(raw)))
         rows = rng.permutation(len(raw))[:count]
         signs = rng.choice([-1, 1], (count, 9))
         if kind == "bursts":
@@ -420,4 +431,4 @@ def jumps(share: float, size: float, kind: str) -> Callable[[Floats, Floats, Rng
         out[rows] += size * signs * sigma[rows]
         return out
 
-    return spoil
+    return corrupt

@@ -1,8 +1,8 @@
-"""An acquisition killed at random moments: what of its recording is left?
+"""Completeness of recordings whose acquisition is killed at random moments.
 
 `python -m facets.experiments.studies.kills [TIMES [SIGNAL ...]]`: 200 by default, by SIGKILL. Other
-signals (SIGTERM, SIGHUP), which are taken in turn, end it as ^C does: then nothing may be missing,
-not even the poses.
+signals (SIGTERM, SIGHUP), which are used in turn, end it as ^C does; then the recording must be
+complete, poses included.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def stream(count: int) -> bytes:
 
 
 class StreamSource:
-    """A port that gives the stream block by block and counts the bytes that it has given."""
+    """A port that returns the stream block by block and counts the returned bytes."""
 
     ended = waits = False
 
@@ -79,7 +79,8 @@ def run_acquisition(folder: Path, data: bytes, byte_count: Any) -> None:
 
 
 def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) -> dict[str, int]:
-    """Check a recording after a signal, sent a given time (s) after its first bytes."""
+    """Kill an acquisition and check its recording; after: time of the signal after the first bytes,
+    s."""
     context = multiprocessing.get_context("fork")
     byte_count = context.Value("q", 0, lock=False)
     process = context.Process(target=run_acquisition, args=(folder, data, byte_count))
@@ -90,18 +91,18 @@ def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) 
     assert process.pid
     os.kill(process.pid, number)
     process.join()
-    kept = (folder / "bytes.bin").read_bytes()
-    assert data.startswith(kept)
+    recorded = (folder / "bytes.bin").read_bytes()
+    assert data.startswith(recorded)
     comparison = PoseComparison(recorded_parts(folder))
     poses = replay(folder, Pipeline(recorded_config(folder)))
     solved = sum(map(len, comparison.following(poses)))
     events = (folder / "events.jsonl").read_text()
     return {
         "given": byte_count.value,
-        "kept": len(kept),
-        "lost": byte_count.value - len(kept),
+        "kept": len(recorded),
+        "lost": byte_count.value - len(recorded),
         "recovered": solved,
-        "unrecovered": len(kept) // SIZE - solved,
+        "unrecovered": len(recorded) // SIZE - solved,
         "poses": comparison.recorded,
         "different": comparison.different,
         "closed": events.count('"end"'),
@@ -126,5 +127,5 @@ if __name__ == "__main__":
     print(f"kept but not recovered: {max(row['unrecovered'] for row in rows)}")
     print(f"with poses on disk as well: {sum(row['poses'] > 0 for row in rows)}")
     print(f"poses on disk that a replay does not repeat: {sum(row['different'] for row in rows)}")
-    whole = sum(row["closed"] == 1 and row["poses"] == row["recovered"] for row in rows)
-    print(f"closed, with all poses: {whole}")
+    complete = sum(row["closed"] == 1 and row["poses"] == row["recovered"] for row in rows)
+    print(f"closed, with all poses: {complete}")

@@ -2,13 +2,14 @@
 
     python -m facets.experiments.studies.neglected
 
-Readings of the paper's head with one effect at a time, by rays (`bench_rays`), over the motions of
-`rigs`, without noise, are solved as if the light were ideal, the beam known: the r.m.s. error over
-a reading's own uncertainty, worst of x and y, and worst of the others. Then the same after a
-calibration that knows nothing of the effect either, and with the effect in the model
-(`sensor.light`). Effects grow in proportion to what causes them, so one over a number is by how
-much larger its cause may be before it shows above the noise. Diffraction at edges between facets
-is there by its closed form, which `tests/optics/references` compare with a scalar field.
+Readings of the paper's head with one effect at a time are computed by rays (`bench_rays`) over the
+motions of `rigs`, without noise. They are solved with the beam known, as if the light were ideal.
+The study prints the r.m.s. error over the uncertainty of one reading, for the worse of x and y and
+for the worst other axis. It repeats this after a calibration without the effect, and with the
+effect in the model (`sensor.light`). Effects are proportional to their causes. So the inverse of a
+number is the factor by which its cause may grow before the effect exceeds the noise. Diffraction at
+edges between facets has its closed form, which `tests/optics/references` compare with a scalar
+field.
 """
 
 from __future__ import annotations
@@ -46,10 +47,10 @@ DEPTHS_MM = (6.3e-5, 4e-5, 5e-5, 6e-5, 3e-5, 5e-5)
 
 
 class NeglectedEffect(NamedTuple):
-    """The light of a bench, and the sensor that a solver would have to know."""
+    """The light of a bench, and the sensor whose model has the effect."""
 
     bench: RayBench
-    known: Sensor
+    sensor: Sensor
 
 
 def effect_case(sensor: Sensor) -> NeglectedEffect:
@@ -87,9 +88,9 @@ def cases() -> dict[str, NeglectedEffect]:
 
 def calibrated_unknowns() -> Choice:
     """The unknowns of `rigs`, the beam's cross-section, and detectors that are not linear."""
-    known = rigs.hidden() | {"beam.sigma_xx": 4e-3, "beam.sigma_yy": 4e-3, "beam.sigma_xy": 2e-3}
-    known |= {f"correction_{k}.{a}{p}": 0.05 for k in "abc" for a in "yz" for p in BENT}
-    return Choice(tuple(known), np.array(list(known.values())))
+    sigmas = rigs.hidden() | {"beam.sigma_xx": 4e-3, "beam.sigma_yy": 4e-3, "beam.sigma_xy": 2e-3}
+    sigmas |= {f"correction_{k}.{a}{p}": 0.05 for k in "abc" for a in "yz" for p in BENT}
+    return Choice(tuple(sigmas), np.array(list(sigmas.values())))
 
 
 def draw_samples(
@@ -98,7 +99,7 @@ def draw_samples(
     """Samples of a random motion with exact readings and exact poses, and their states (n, 8)."""
     pose = rng.uniform(-1, 1, (count, 6)) * rigs.BOX
     state = np.concatenate([pose, np.zeros((count, 2))], axis=1)
-    exact = spots(effect.known, effect.bench, state)
+    exact = spots(effect.sensor, effect.bench, state)
     return Data(exact, pose, rigs.REFERENCE, np.zeros((count, 2))), state
 
 
@@ -123,7 +124,7 @@ def compare_optics() -> list[tuple[Any, ...]]:
         before = errors_over_noise(facets.Sensor(), fresh, state, still)
         fitted = fit(facets.Sensor(), data, calibrated_unknowns(), None)
         after = errors_over_noise(fitted.sensor, fresh, state, fitted.apex[:2])
-        best = errors_over_noise(effect.known, fresh, state, still)
+        best = errors_over_noise(effect.sensor, fresh, state, still)
         rows.append((name, *before.tolist(), *after.tolist(), *best.tolist()))
     return rows
 

@@ -1,14 +1,14 @@
-"""How well readings at one stop tell what changed since a calibration (`facets rezero`).
+"""Accuracy of the changes that `facets rezero` estimates from readings at one stop.
 
     python -m facets.experiments.studies.new_zero [--rigs 4] [--draws 50]
 
 Each rig has the light of a bench and is read by rays, which share no code with the model
-(`bench_rays`). It is calibrated as `facets calibrate` does it, from 500 poses. Then the beam, the
-laser, its beam's width, the gains and the posts change, drawn from the standard uncertainties that
-`facets rezero` has by default, and so does the mirror's pose at the stop. Printed are the estimates
-of one known change with a stop that repeats exactly, the coverage of the 95 % intervals of all
-changes and of poses solved before and after, and what a mirror does that moved between the stops.
-Two minutes.
+(`bench_rays`). It is calibrated from 500 poses as `facets calibrate` does. Then the beam, the
+laser's power, the beam's width, the gains and the posts change, and so does the mirror's pose at
+the stop. The changes are drawn from the default standard uncertainties of `facets rezero`. The
+study prints the estimates of one known change with a stop that repeats exactly. It prints the
+coverage of the 95 % intervals of all changes and of poses solved before and after, and the effect
+of a mirror that moved between the stops. It takes two minutes.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ EXACT_STOP = ChangePriors(width=1e-7, stop=1e-7, stop_angle=1e-9)
 
 
 class CalibratedRig(NamedTuple):
-    """real: the true rig.  sensor: the calibrated sensor.  rng: the rig's random generator."""
+    """A rig and its calibration.  real: the true rig.  sensor: the calibrated sensor.  rng: the
+    rig's random generator."""
 
     real: BenchRig
     sensor: Sensor
@@ -58,7 +59,8 @@ def calibrate_rig(seed: int) -> CalibratedRig:
 
 
 def change_rig(real: BenchRig, change: Floats) -> BenchRig:
-    """The rig after changes (10,), with power and width as shares; the beam's place is left."""
+    """The rig after changes (10,), those of power and width relative; the beam's place is not
+    changed."""
     sensor = real.rig.sensor
     a, b, c = (
         replace(psd, height=psd.height + change[6 + k],
@@ -76,18 +78,19 @@ def read_exactly(real: BenchRig, pose: Floats, beam: Floats) -> Floats:
     return spots(real.rig.sensor, real.bench, states)
 
 
-def read_stop(one: CalibratedRig, pose: Floats, change: Floats) -> StopReadings:
+def read_stop(rig: CalibratedRig, pose: Floats, change: Floats) -> StopReadings:
     """Mean detector readings of the changed rig at the reference's poses (m, 6)."""
-    real = change_rig(one.real, change)
+    real = change_rig(rig.real, change)
     exact = read_exactly(real, pose, change[:2])
     sigma = standard_deviations(real.rig.sensor, exact) / np.sqrt(ROWS)
-    noisy = exact + sigma * one.rng.standard_normal(exact.shape)
+    noisy = exact + sigma * rig.rng.standard_normal(exact.shape)
     return StopReadings(invert_correction(real.rig.sensor, noisy), sigma**2)
 
 
 class ChangeDraw(NamedTuple):
-    """off: errors of the changes over their uncertainties (10,).  chi_square: of the fit.
-    before, after: errors of poses (n, 6) over their uncertainties, by the old and new zero."""
+    """One draw of changes.  off: errors of the estimates over their uncertainties (10,).
+    chi_square: that of the fit.  before, after: errors of poses (n, 6) over their uncertainties, by
+    the old and the new zero."""
 
     off: Floats
     chi_square: float
@@ -95,53 +98,53 @@ class ChangeDraw(NamedTuple):
     after: Floats
 
 
-def draw_changes(one: CalibratedRig, priors: ChangePriors, poses: int = 20) -> ChangeDraw:
-    rng = one.rng
+def draw_changes(rig: CalibratedRig, priors: ChangePriors, poses: int = 20) -> ChangeDraw:
+    rng = rig.rng
     pose = 0.3 * rng.uniform(-1, 1, (1, 6)) * BOX
     change = priors.sigmas(1.0) * rng.standard_normal(len(NOTHING))
     missed = np.array([priors.stop] * 3 + [priors.stop_angle] * 3) * rng.standard_normal((1, 6))
-    then = read_stop(one, pose, NOTHING)
-    zero = renew_zero(one.sensor, then, read_stop(one, pose + missed, change), priors)
+    then = read_stop(rig, pose, NOTHING)
+    zero = renew_zero(rig.sensor, then, read_stop(rig, pose + missed, change), priors)
     off = (zero.change - change * zero.prior / priors.sigmas(1.0)) / zero.uncertainty
-    fresh = draw_poses(one.real.rig, poses, rng)
-    before = solve_poses(one, fresh, change, one.sensor, np.zeros(2))
-    after = solve_poses(one, fresh, change, zero.sensor, zero.beam)
+    fresh = draw_poses(rig.real.rig, poses, rng)
+    before = solve_poses(rig, fresh, change, rig.sensor, np.zeros(2))
+    after = solve_poses(rig, fresh, change, zero.sensor, zero.beam)
     return ChangeDraw(off, zero.chi_square, before, after)
 
 
 def solve_poses(
-    one: CalibratedRig, pose: Floats, change: Floats, sensor: Sensor, beam: Floats
+    rig: CalibratedRig, pose: Floats, change: Floats, sensor: Sensor, beam: Floats
 ) -> Floats:
     """Errors of poses of the changed rig, solved by a sensor, over their uncertainties (n, 6)."""
-    real = change_rig(one.real, change)
-    noisy = add_noise(real.rig.sensor, read_exactly(real, pose, change[:2]), one.rng)
+    real = change_rig(rig.real, change)
+    noisy = add_noise(real.rig.sensor, read_exactly(real, pose, change[:2]), rig.rng)
     readings = correct(sensor, invert_correction(real.rig.sensor, noisy))
     poses = facets.solve(sensor, readings, beam=facets.Prior(beam, 0.0), power="unknown", threads=0)
     off: Floats = poses.state[:, :6] - states_at(fold_mount(real.rig.values), pose)[:, :6]
     return off / poses.uncertainty[:, :6]
 
 
-def move_mirror(one: CalibratedRig, moved: Floats, priors: ChangePriors) -> NewZero:
+def move_mirror(rig: CalibratedRig, moved: Floats, priors: ChangePriors) -> NewZero:
     """Compute the new zero if only the mirror moved, by (6,), between the stops."""
     pose = np.zeros((1, 6))
-    then, now = (read_stop(one, pose + by, NOTHING) for by in (0.0, moved))
-    return renew_zero(one.sensor, then, now, priors)
+    then, now = (read_stop(rig, pose + by, NOTHING) for by in (0.0, moved))
+    return renew_zero(rig.sensor, then, now, priors)
 
 
-def known_change(one: CalibratedRig) -> NewZero:
+def known_change(rig: CalibratedRig) -> NewZero:
     """Changes: beam 1 um aside, posts 2.3 um higher, laser 1 % brighter, gain A 0.1 % higher."""
     change = np.array([1e-3, 0, 0.01, 1e-3, 0, 0, 2.3e-3, 2.3e-3, 2.3e-3, 0])
     pose = np.zeros((1, 6))
-    stops = [read_stop(one, pose, by) for by in (NOTHING, change)]
-    return renew_zero(one.sensor, stops[0], stops[1], EXACT_STOP)
+    stops = [read_stop(rig, pose, by) for by in (NOTHING, change)]
+    return renew_zero(rig.sensor, stops[0], stops[1], EXACT_STOP)
 
 
 def show(name: str, zero: NewZero) -> None:
     factors = np.array([1e3, 1e3, 100 / zero.prior[2] * 0.05, *[100] * 3, *[1e3] * 3, 100])
     values = zip(zero.change * factors, zero.uncertainty * factors, strict=True)
-    told = "  ".join(f"{value:+.3f} ± {u:.3f}" for value, u in values)
+    text = "  ".join(f"{value:+.3f} ± {u:.3f}" for value, u in values)
     print(f"{name}: chi-square {zero.chi_square:.1f}, explained: {zero.is_explained}")
-    print(f"  beam, um; power, %; gains, %; posts, um; width, %: {told}")
+    print(f"  beam, um; power, %; gains, %; posts, um; width, %: {text}")
 
 
 def main() -> None:
@@ -155,7 +158,7 @@ def main() -> None:
         ("poses by the old zero", np.concatenate([draw.before for draw in draws])),
         ("poses by the new zero", np.concatenate([draw.after for draw in draws])),
     ):
-        held = " ".join(f"{100 * share:.1f}" for share in (np.abs(off) < 1.96).mean(axis=0))
+        held = " ".join(f"{100 * fraction:.1f}" for fraction in (np.abs(off) < 1.96).mean(axis=0))
         print(f"95 % intervals of {name} that held, %: {held}")
     chi_square = np.array([draw.chi_square for draw in draws])
     print(f"chi-square {chi_square.mean():.2f} on average, where 9 is expected")

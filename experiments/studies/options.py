@@ -7,8 +7,11 @@ from typing import Any
 
 
 def parse_options(text: str | None, **defaults: Any) -> argparse.Namespace:
-    """Parse options that a study declares by their defaults, which also tell their types; `text`,
-    the study's docstring, says what they mean."""
+    """Parse the options of a study, which are declared by their defaults.
+
+    text: help of the study, its docstring, which describes the options. The type of an option is
+    that of its default; False declares a flag.
+    """
     parser = argparse.ArgumentParser(
         description=text, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -1,9 +1,9 @@
 """Rigs with hidden errors, under ideal light and under the light of a real bench.
 
-Each rig has detectors up to 0.3 mm and 5 mrad off their places, facets up to 2 mrad, powers and
-scales up to 3 %, the beam 2 mrad out of plumb, the mirror off the reference's pivot and off the
-beam. The reference is good to 0.1 um and 0.5 urad. `simulated_bench` measures rigs on a bench, and
-`calibrations` tries what `facets calibrate` makes of them.
+The errors of a rig are up to 0.3 mm and 5 mrad for detectors, 2 mrad for facets and the beam's
+tilt, and 3 % for powers and scales. The mirror is away from the reference's pivot and from the
+beam. The reference's standard uncertainties are 0.1 um and 0.5 urad. `simulated_bench` measures
+rigs on a bench, and `calibrations` calibrates them as `facets calibrate` does.
 """
 
 from __future__ import annotations
@@ -32,13 +32,14 @@ Rng = np.random.Generator
 REFERENCE = np.array([1e-4] * 3 + [5e-7] * 3)
 #: Half widths of the motion, mm and rad.
 BOX = np.array([0.12, 0.12, 2.0, 6e-3, 6e-3, 8e-3])
-#: Reach of a motion to calibrate with in x and y, mm: over the beam's sigma of 0.21, so that
-#: the powers bend, which alone parts gains, strips and the beam's size from the apex's place.
+#: Reach of a calibration's motion in x and y, mm. It exceeds the beam's sigma of 0.21 mm, because
+#: only the curvature of the powers distinguishes gains, strips and the beam's size from the apex's
+#: place.
 REACH_MM = 0.25
 
 
 def hidden() -> dict[str, float]:
-    """Half the spread of each hidden parameter error, in mm, rad and shares."""
+    """Half the range of each hidden error of a parameter; mm, rad, and relative ones."""
     sigmas = {"beam.tilt_x": 2e-3, "beam.tilt_y": 2e-3}
     for letter in "abc":
         sigmas |= {f"facet_{letter}.{name}": 2e-3 for name in ("inclination", "azimuth")}
@@ -51,13 +52,14 @@ def hidden() -> dict[str, float]:
 
 
 def choice() -> Choice:
-    """Unknowns of the calibration, with these spreads as priors."""
+    """Unknowns of the calibration, with these half ranges as priors."""
     spread = hidden()
     return Choice(tuple(spread), np.array(list(spread.values())))
 
 
 class Rig(NamedTuple):
-    """The true sensor, and where the mirror is on the reference."""
+    """A rig.  sensor: the true one.  values: its parameters, and the mirror's place on the
+    reference."""
 
     sensor: Sensor
     values: Floats
@@ -76,14 +78,14 @@ def rms(error: Floats) -> Floats:
 
 
 class BenchRig(NamedTuple):
-    """rig: sensor with ideal light, detector errors and mirror pose.  bench: the bench's light."""
+    """A rig on a bench.  rig: the rig under ideal light.  bench: the light of the bench."""
 
     rig: Rig
     bench: RayBench
 
 
 def draw_bench_rig(nominal: Sensor, rng: Rng) -> BenchRig:
-    """Sample a rig with every effect at once, each of the size of a good bench."""
+    """Sample a rig with all effects at once, each as large as on a good bench."""
     rig = draw_rig(nominal, rng)
     values = rig.values.copy()
     values[block(MOUNT)] = rng.uniform(-1, 1, 3) * [1e-3, 1e-3, 8e-3]

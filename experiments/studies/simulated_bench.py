@@ -1,9 +1,9 @@
-"""Motions of a rig on a bench, measured: the readings by rays (`bench_rays`), which share no optics
-with the model, beside a reference, with faults that act at the stages of a measurement.
+"""Simulated measurements of a rig on a bench, with a reference and with faults.
 
-A measurement goes through `bench` (the light of the rays), `mirror` (the true poses), `beam` (its
-places), `power` (of the laser, as a share), `readings` (as the detectors give them), `reference`
-(its poses) and `table` (the columns that are written).
+The readings are those of rays (`bench_rays`), which share no optics with the model. Faults act at
+the stages of a measurement. These are `bench` (the light of the rays), `mirror` (the true poses),
+`beam` (its places), `power` (relative power of the laser), `readings` (raw ones), `reference` (its
+poses) and `table` (the written columns).
 """
 
 from __future__ import annotations
@@ -27,24 +27,25 @@ from facets.detectors.noise import add_noise
 from .bench_rays import spots
 from .rigs import BOX, REACH_MM, REFERENCE, BenchRig, Rig, Rng
 
-#: Least distance of spots from a detector's edge, mm; nearer ones lose light that rays omit.
+#: Least distance of spots from a detector's edge, mm; rays do not model the light that nearer spots
+#: lose.
 CLEARANCE_MM = 1.2
-#: Half widths of the motion to calibrate with, mm and rad.
+#: Half widths of the motion of a calibration, mm and rad.
 BOX_REACH = np.array([REACH_MM, REACH_MM, *BOX[2:]])
-#: Time between the rows of a motion, s, and between random poses, where the stage settles first.
+#: Time between the rows of a motion, s, and between random poses, at which the stage settles first.
 MOTION_PERIOD_S, RANDOM_PERIOD_S = 1.0, 4.0
 #: One mm or mrad of a table in the units of the code.
 UNITS = np.array(STATE_UNITS[:6])
 
 Columns = dict[str, Floats]
 Hook = Callable[[Any, "MotionScene", Rng], Any]
-#: What a fault changes at each stage that it acts at: a function of the values at this stage.
+#: The changes of a fault: for each stage at which it acts, a function of the values there.
 Parts = dict[str, Hook]
 
 
 class Fault(NamedTuple):
-    """words: what is wrong, as a bench engineer says it.  in_time: it needs a motion in time.
-    named_by: a finding with one of these words names it."""
+    """A fault.  words: its description by a bench engineer.  in_time: whether it needs a motion in
+    time.  named_by: words of findings that name it."""
 
     group: str
     words: str
@@ -57,9 +58,9 @@ class Fault(NamedTuple):
 class MotionScene:
     """A motion of a rig.
 
-    pose: (n, 6) of the reference, without faults.  air: its temperature (n,) less the mean, K.
-    track: the pose at any time (s), of a motion in time.  in_use: after the calibration.  states:
-    of the rays, once they are known.
+    pose: (n, 6) those of the reference, without faults.  air: temperature (n,) less its mean, K.
+    track: function that computes the pose at any time (s) of a motion in time.  in_use: whether the
+    motion is after the calibration.  states: (n, 8) those of the rays, once they are computed.
     """
 
     real: BenchRig
@@ -80,25 +81,27 @@ class MotionScene:
         return period * np.arange(self.rows, dtype=np.float64)
 
     @property
-    def share(self) -> Floats:
-        """The part of the calibration that has passed (n,): all of it, in use."""
+    def progress(self) -> Floats:
+        """Elapsed fraction of the calibration (n,); 1 in use."""
         return np.ones(self.rows) if self.in_use else np.linspace(0, 1, self.rows)
 
     def shift(self, late: Floats) -> Floats:
-        """Change (n, 6) of the pose if it is sampled later by `late` seconds (n,)."""
+        """Change (n, 6) of the pose if it is sampled later; late: delays (n,), s."""
         assert self.track is not None
         return self.track(self.time + late) - self.track(self.time)
 
 
 def states_at(values: Floats, pose: Floats, beam: Floats | None = None) -> Floats:
-    """States (n, 8) of a mirror at poses (n, 6) of the reference, by the values of the rig."""
+    """States (n, 8) of the mirror at poses (n, 6) of the reference; values: parameters of the
+    rig."""
     places = np.zeros((len(pose), 2)) if beam is None else beam
     empty = np.zeros((len(pose), 9))
     return states_of(Data(empty, pose, REFERENCE, places), empty, values)
 
 
 def are_on_detectors(rig: Rig, pose: Floats) -> Booleans:
-    """Whether all spots of poses (n, 6) keep away from the edges of their detectors."""
+    """Whether all spots at poses (n, 6) have the least distance from the edges of detectors:
+    (n,)."""
     place = facets.readings(rig.sensor, states_at(rig.values, pose)).reshape(-1, 3, 3)[:, :, :2]
     half = np.array([[psd.size_y, psd.size_z] for psd in rig.sensor.psds]) / 2
     return np.asarray((np.abs(place) < half - CLEARANCE_MM).all(axis=(1, 2)))
@@ -107,9 +110,9 @@ def are_on_detectors(rig: Rig, pose: Floats) -> Booleans:
 def draw_poses(rig: Rig, count: int, rng: Rng, box: Floats = BOX) -> Floats:
     """Random poses (count, 6) whose spots are on the detectors."""
     pose = rng.uniform(-1, 1, (4 * count, 6)) * box
-    some: Floats = pose[are_on_detectors(rig, pose)][:count]
-    assert len(some) == count, "too few poses keep their spots on the detectors"
-    return some
+    poses: Floats = pose[are_on_detectors(rig, pose)][:count]
+    assert len(poses) == count, "too few poses keep their spots on the detectors"
+    return poses
 
 
 def draw_track(rig: Rig, rows: int, rng: Rng) -> Callable[[Floats], Floats]:
@@ -132,7 +135,7 @@ def draw_track(rig: Rig, rows: int, rng: Rng) -> Callable[[Floats], Floats]:
 def draw_scene(
     real: BenchRig, rng: Rng, rows: int = 500, in_time: bool = False, box: Floats = BOX_REACH
 ) -> MotionScene:
-    """The motion of a calibration: in random poses, or in time."""
+    """Draw the motion of a calibration: random poses, or a motion in time."""
     track = draw_track(real.rig, rows, rng) if in_time else None
     pose = np.zeros((rows, 6)) if track else draw_poses(real.rig, rows, rng, box)
     scene = MotionScene(real, pose, np.zeros(rows), track)
@@ -143,13 +146,16 @@ def draw_scene(
 
 
 def draw_use(real: BenchRig, rng: Rng, rows: int = 800) -> MotionScene:
-    """A motion in random poses after the calibration, at its mean temperature."""
+    """Draw a motion in random poses after the calibration, at its mean temperature."""
     return MotionScene(real, draw_poses(real.rig, rows, rng), np.zeros(rows), in_use=True)
 
 
 def measure(scene: MotionScene, faults: Sequence[Fault], seed: int) -> Columns:
-    """The table of a motion, the laser's power drifting by 1 %; `row` is the number of the row as
-    it was measured, and `time_s` is there of a motion in time."""
+    """Compute the table of a motion, during which the laser's power drifts by 1 %.
+
+    Its column `row` has the rows' numbers in the measured order; a motion in time also has the
+    column `time_s`.
+    """
     rig, rng = scene.real.rig, np.random.default_rng([seed, 90, scene.in_use])
 
     def disturb(stage: str, values: Any) -> Any:

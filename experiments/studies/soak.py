@@ -1,7 +1,8 @@
-"""A virtual bench full of faults: is every accepted sample right, and every loss counted?
+"""A test of acquisition from a virtual bench with faults: accepted samples must be right, and
+losses counted.
 
 `python -m facets.experiments.studies.soak [--seconds 600] [--rate 10000] [--readers 0]`:
-`--readers` is how many other programs get every sample meanwhile, by `zmq://`.
+`--readers` is the number of other programs that receive every sample by `zmq://`.
 """
 
 from __future__ import annotations
@@ -54,8 +55,8 @@ def emulate(folder: Path, rate: float, faults: str, ending: Any) -> None:
 
 
 @contextmanager
-def bench_beside(folder: Path, rate: float, faults: str) -> Iterator[None]:
-    """A bench in another process, whose port is `board` in the folder."""
+def running_bench(folder: Path, rate: float, faults: str) -> Iterator[None]:
+    """Run a bench in another process; its port is `board` in the folder."""
     context = multiprocessing.get_context("fork")
     ending = context.Event()
     other = context.Process(target=emulate, args=(folder, rate, faults, ending))
@@ -126,7 +127,7 @@ def soak(
     live = recorded_run(config, folder)
     publications = Publications(["zmq://127.0.0.1:0"] if readers else [], config)
     live.sinks.append(publications)
-    with bench_beside(folder, rate, faults):
+    with running_bench(folder, rate, faults):
         counts = start_readers(publications, readers)
         outcome = follow(live, Reader(config, str(folder / "board"), True, live), ending)
     outcome["received_and_p99_s"] = [counts.get(timeout=PATIENCE_S) for _ in range(readers)]
@@ -135,7 +136,7 @@ def soak(
 
 
 def count_samples(live: Live) -> dict[str, Any]:
-    """What the run itself counted."""
+    """Counts of the run itself."""
     pipeline = live.pipeline
     return {
         "late": live.late,
@@ -171,8 +172,8 @@ def main() -> None:
     options = parse_options(__doc__, seconds=600.0, rate=10_000.0, readers=0)
     with tempfile.TemporaryDirectory() as place:
         ending = Ending(options.seconds)
-        found = soak(Path(place), ending, options.rate, readers=options.readers)
-    for name, value in found.items():
+        results = soak(Path(place), ending, options.rate, readers=options.readers)
+    for name, value in results.items():
         print(f"{name:24} {value}")
 
 

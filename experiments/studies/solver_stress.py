@@ -1,28 +1,29 @@
-"""Counts wrong poses by cause, of a million random, noisy, cut, masked and spoilt readings.
+"""Numbers of wrong poses by cause, of a million random, noisy, cut, masked and corrupted readings.
 
     python -m facets.experiments.studies.solver_stress [--draws 1000000] [--bench-light]
 
-Two halves. The first asks whether the solver ends where the readings say: exact and noisy readings,
-near and far starts, of the paper's sensor and of ten without symmetry. A pose is wrong there if it
-is `ok` and lies further from the truth than its reading's own information allows: a thousandth of
-its standard uncertainty (or 1e-9 mm, 1e-9 rad) for exact readings, a hundredth in the tail, where
-condition numbers pass 1e12 and rounding shows, 7 standard uncertainties for noisy readings. Those
-at which a spot is near an edge, as `is_near_edge` has it, are counted by themselves.
+The first half tests the convergence of the solver, with exact and noisy readings and with near and
+far starts, for the paper's sensor and ten without symmetry. A pose is wrong there if it is `ok` and
+its error exceeds a limit. For exact readings the limit is a thousandth of the standard uncertainty
+(or 1e-9 mm, 1e-9 rad). In the tail, where condition numbers exceed 1e12 and rounding matters, it is
+a hundredth. For noisy readings it is 7 standard uncertainties. Poses at which a spot is near an
+edge (`is_near_edge`) are counted separately.
 
-The second asks whether a reading that is not what it should be gives a pose that is believed: noise
-by `add_noise`, spots past edges, a masked number, a number spoilt, spots cut by their detectors'
-edges, with all that can be known of beam and power. The sensors are those of all shipped
-configurations, and others without symmetry. A pose is wrong there if it lies more than 10 standard
-uncertainties from the truth. It is counted by what tells of it, the first that does:
+The second half tests whether a faulty reading gives a pose without a warning. The faults are noise
+(`add_noise`), spots past edges, a masked number, a corrupted number, and spots cut by the edges of
+their detectors, each with every kind of knowledge of beam and power. The sensors are those of all
+shipped configurations, and others without symmetry. A pose is wrong there if it lies more than 10
+standard uncertainties from the truth. It is counted under the first of these that reveals it:
 
-    its status    it has no pose: counted, not judged
-    misfit        the residual is beyond chance: not `ok`
-    unseen        one number was spoilt, and `facets.unseen_errors` says that so much may go unseen
-    edge          a spot is nearer to an edge than its own size, and the model has no edges
-    nothing       the pose is `ok` and wrong: there must be none
+- status: there is no pose; it is counted and not judged.
+- misfit: the residual exceeds chance, so that the pose is not `ok`.
+- unseen: one number was corrupted, and `facets.unseen_errors` allows an undetected error of this
+  size.
+- edge: a spot is closer to an edge than its own size, and the model has no edges.
+- nothing: the pose is `ok` and wrong. There must be none.
 
-`facets solve` prints a warning of `unseen` and of `edge` below its table. With --bench-light all
-sensors have all effects of a bench's light; edges of detectors that cut spots do not go with them.
+`facets solve` prints a warning about `unseen` and `edge` below its table. With --bench-light all
+sensors have all effects of a bench's light, which cannot be combined with edges that cut spots.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ def stress(case: StressCase, sensor: facets.Sensor, count: int, rng: Rng) -> Cou
 SECOND_ORDER = 1.5
 #: A pose is wrong if its error exceeds this number of standard uncertainties.
 WRONG = 10.0
-#: Knowledge of the beam's position, mm, and of its power, as a share; 1 sigma, None if unknown.
+#: Standard uncertainties of the beam's position, mm, and of its relative power; None if unknown.
 KNOWLEDGE: dict[str, tuple[float | None, float | None]] = {
     "beam free": (None, 0.0),
     "beam free and power within 1 %": (None, 0.01),
@@ -224,7 +225,7 @@ def priors_of(sensor: facets.Sensor, place: float | None, light: float | None) -
 def count_outcomes(
     trouble: Trouble, sensor: facets.Sensor, knowledge: str, count: int, rng: Rng
 ) -> Counter[str]:
-    """Count the outcomes of `count` readings of one sensor, wrong poses by what reveals them."""
+    """Count the outcomes of readings of one sensor, and wrong poses by what reveals them."""
     place, light = KNOWLEDGE[knowledge]
     real = sensor
     if trouble.cut:

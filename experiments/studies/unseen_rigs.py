@@ -1,5 +1,5 @@
-"""Faults of real benches of random size, from harmless to gross, one or two of them in a rig, to
-try a calibration that never met them.
+"""Faults of random sizes, from harmless to gross, one or two in a rig. They test a calibration with
+faults for which it was not written.
 """
 
 from __future__ import annotations
@@ -67,20 +67,20 @@ from .faults import (
 from .rigs import REFERENCE, Rng
 from .simulated_bench import BOX_REACH, Fault, MotionScene, Parts
 
-#: Number of rigs with one fault; all other kinds come in pairs.
+#: Number of rigs with one fault; all other rigs have two.
 SINGLE = 22
 #: Units of a direction of poses whose size is in mm: rad for angles.
 TILTS = np.array([1, 1, 1, 1e-2, 1e-2, 1e-2])
 
 
 class FaultDraw:
-    """Random numbers of a fault.  sizes: those of `size` that were drawn."""
+    """Random numbers of a fault.  sizes: the sizes that were drawn."""
 
     def __init__(self, rng: Rng) -> None:
         self.rng, self.sizes = rng, list[float]()
 
     def size(self, low: float, high: float) -> float:
-        """A size from a logarithmic scale, the more likely the larger."""
+        """A size on a logarithmic scale; larger sizes are more likely."""
         self.sizes.append(float(low * (high / low) ** np.sqrt(self.rng.uniform())))
         return self.sizes[-1]
 
@@ -105,7 +105,7 @@ class FaultDraw:
         return step(self.between(0.2, 0.8))
 
     def part(self) -> Any:
-        """A part of the rows."""
+        """Consecutive rows."""
         first = self.between(0, 0.8)
         return between(first, first + self.size(0.02, 0.5))
 
@@ -134,8 +134,8 @@ class FaultDraw:
 
 
 class Kind(NamedTuple):
-    """words: what is wrong, to which the sizes that were drawn are added.  in_time: it needs a
-    motion in time."""
+    """A kind of fault.  words: its description, to which the drawn sizes are appended.  in_time:
+    whether it needs a motion in time."""
 
     group: str
     words: str
@@ -180,9 +180,9 @@ def high_order(draw: FaultDraw) -> Parts:
 
 
 def power_bends_place(draw: FaultDraw) -> Parts:
-    share, k = draw.size(1e-5, 5e-3), draw.detector()
+    slope, k = draw.size(1e-5, 5e-3), draw.detector()
     return edit("readings", [3 * k, 3 * k + 1, 3 * k + 2], lambda reading: reading * (
-        1 + share * (reading[:, 2:] / POWER_MW - 1) * [1, 1, 0]))  # fmt: skip
+        1 + slope * (reading[:, 2:] / POWER_MW - 1) * [1, 1, 0]))  # fmt: skip
 
 
 def microphonics(draw: FaultDraw) -> Parts:
@@ -219,9 +219,9 @@ def slow_thermometer(draw: FaultDraw) -> Parts:
 
 
 def lamp(draw: FaultDraw) -> Parts:
-    courses = [draw.later(), hops(draw.between(1, 30)), lambda scene, rng: scene.share**2]
+    waveforms = [draw.later(), hops(draw.between(1, 30)), lambda scene, rng: scene.progress**2]
     power = draw.size(1e-6, 3e-3) * draw.rng.uniform(0.1, 1, 3)
-    return shine(power, 3 * draw.signs(3, 2), draw.pick(courses))
+    return shine(power, 3 * draw.signs(3, 2), draw.pick(waveforms))
 
 
 def swapped_columns(draw: FaultDraw) -> Parts:
@@ -278,7 +278,7 @@ KINDS = (
         d.detector(), d.size(1e-5, 0.01), 3 * d.signs(2))),
     Kind("detectors", "a detector's glue creeps as the logarithm of time, mm", lambda d: add(
         "readings", d.detector_shift(1e-4, 0.04) / np.log(51),
-        lambda scene, rng: np.log(1 + 50 * scene.share))),
+        lambda scene, rng: np.log(1 + 50 * scene.progress))),
     Kind("detectors", "a detector was knocked aside, mm", lambda d: add(
         "readings", d.detector_shift(5e-4, 0.1), d.later())),
     Kind("detectors", "fringes of a detector's window shift places, mm", window_fringes),
@@ -293,7 +293,7 @@ KINDS = (
     Kind("electronics", "the amplifiers saturate, mW", lambda d: bend_currents(
         np.minimum, d.size(0.06, 0.12))),
     Kind("electronics", "currents leak into the next detector's channels", lambda d: bend_currents(
-        lambda i, share: i + share * np.roll(i, 1, axis=1), d.size(1e-6, 0.01))),
+        lambda i, leak: i + leak * np.roll(i, 1, axis=1), d.size(1e-6, 0.01))),
     Kind("electronics", "the gain of one electrode follows the temperature, 1/K", lambda d: (
         warm_gain(d.size(1e-5, 3e-3) * d.electrode()) | add_thermometer()), True),
     Kind("electronics", "an automatic zero sets new offsets every 80 rows, mW",
@@ -350,7 +350,7 @@ KINDS = (
     Kind("environment", "the laser's mount sags, mm", lambda d: add(
         "beam", d.beam_shift(3e-5, 5e-3), ramp)),
     Kind("environment", "fog on the laser's window", lambda d: dim(
-        d.size(0.05, 0.5), lambda scene, rng: scene.share)),
+        d.size(0.05, 0.5), lambda scene, rng: scene.progress)),
     Kind("table", "two columns are exchanged in a part of the rows", swapped_columns),
     Kind("table", "a column has another unit or sign in a part of the rows", scaled_column),
     Kind("table", "the reference is written in steps", lambda d: edit(
@@ -375,7 +375,7 @@ KINDS = (
         "readings", range(9), smooth(d.pick([3, 5]))), True),
 )  # fmt: skip
 
-#: Rigs without faults: in random poses, along a motion, and beside a thermometer.
+#: Rigs without faults: in random poses, in a motion in time, and with a thermometer.
 CLEAN: tuple[list[Kind], ...] = (
     [],
     [],
@@ -385,7 +385,7 @@ CLEAN: tuple[list[Kind], ...] = (
 
 
 def pair_kinds(kinds: list[Kind]) -> Iterator[list[Kind]]:
-    """Pairs of different groups, as far as there are some."""
+    """Pairs of kinds of different groups; kinds without a partner remain single."""
     while kinds:
         first = kinds.pop(0)
         other = next((kind for kind in kinds if kind.group != first.group), None)

@@ -1,13 +1,13 @@
-"""Digits lost by the light in a wedge, over the whole domain, against ball arithmetic.
+"""Errors of the light in a wedge over the whole domain, compared with ball arithmetic.
 
     python -m facets.experiments.studies.wedge_errors [--points 10000] [--seed 1]
 
-Draws wedges: the point up to 35 sigma from the beam's centre, openings from 0.01 to 179.99 degrees,
-the beam's centre on an edge, beside one or anywhere. For each, the float code's mass, centroid,
-covariance and the derivatives of mass and centroid by the angles of the sides are compared with
-the integrals' definition: an integral over the angle of radial ones in closed form, by python-flint
-at 192 bits, which encloses it. Prints the errors, and where the worst lie. 10,000 points take some
-minutes on two cores.
+The wedges are random: the point up to 35 sigma from the beam's centre, openings from 0.01 to 179.99
+degrees, the beam's centre on an edge, close to one or anywhere. For each wedge the float code
+computes mass, centroid, covariance, and the derivatives of mass and centroid by the angles of the
+sides. They are compared with the definition by integrals: radial ones in closed form, and that over
+the angle enclosed by python-flint at 192 bits. The study prints the errors, and the places of the
+worst ones. 10,000 points take some minutes on two cores.
 """
 
 from __future__ import annotations

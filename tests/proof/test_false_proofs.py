@@ -53,7 +53,7 @@ def test_the_checker_s_bound_holds_for_a_beam_that_leans(tmp_path):
     box = parse_box("tx_mm=3:3.001,ty_mm=-2:-2,tz_mm=1:1.01")
     case = false_proofs.ProofCase(replace(sensor, beam=beam), box, 0.3)
     model = false_proofs.model_of(case.sensor)
-    proof = certify(case.sensor, case.box, case.share)
+    proof = certify(case.sensor, case.box, case.least_share)
     assert proof.unique
     slopes = model.slopes(false_proofs.states_of(case, model, 40_000, np.random.default_rng(1)))
     least = np.abs(np.linalg.det(slopes[:, :8])).min()
