@@ -36,12 +36,15 @@ class IntervalDual:
         self.value, self.slope = value, np.full(6, arb(0)) if slope is None else slope
 
     def __add__(self, other: Any) -> IntervalDual:
-        b = other if isinstance(other, IntervalDual) else IntervalDual(other)
-        return IntervalDual(self.value + b.value, self.slope + b.slope)
+        if not isinstance(other, IntervalDual):
+            return IntervalDual(self.value + other, self.slope)
+        return IntervalDual(self.value + other.value, self.slope + other.slope)
 
     def __mul__(self, other: Any) -> IntervalDual:
-        b = other if isinstance(other, IntervalDual) else IntervalDual(other)
-        return IntervalDual(self.value * b.value, self.slope * b.value + b.slope * self.value)
+        if not isinstance(other, IntervalDual):
+            return IntervalDual(self.value * other, self.slope * other)
+        slope = self.slope * other.value + other.slope * self.value
+        return IntervalDual(self.value * other.value, slope)
 
     def __truediv__(self, other: IntervalDual) -> IntervalDual:
         ratio = self.value / other.value

@@ -49,7 +49,7 @@ class Jacobian(NamedTuple):
     middle: Array
     slopes: Array
 
-    def over_piece(self) -> Array:
+    def enclosure(self) -> Array:
         """Enclose the Jacobian (6, 6) over the whole piece."""
         enclosure: Array = self.middle + self.slopes @ self.off
         return enclosure
@@ -98,7 +98,7 @@ def check_pieces(
     jacobians, magnitudes = [], []
     for piece in content["pieces"]:
         jacobians.append(jacobian_over(rig, piece, content["light"]))
-        size = determinant_of(jacobians[-1].over_piece()) * slope
+        size = determinant_of(jacobians[-1].enclosure()) * slope
         refuse_unless(not size.abs_upper() < arb(piece["at_least"]),
                       "a piece claims a larger determinant than it has")  # fmt: skip
         magnitudes.append(least_magnitude(size))
@@ -152,7 +152,7 @@ def margin_of(matrix: Array, inverse: Any, weights: Any) -> Fraction:
 
 def check_hull(jacobians: list[Jacobian], content: dict[str, Any], result: CheckResult) -> None:
     """Check with the file's inverse and weights that the hull of all Jacobians is regular."""
-    hull = UNION.reduce([jacobian.over_piece() for jacobian in jacobians])
+    hull = UNION.reduce([jacobian.enclosure() for jacobian in jacobians])
     result.margin = margin_of(hull, content["inverse"], content["weights"])
     note_margin(content, result)
 

@@ -66,7 +66,7 @@ def nonnegative(x: Any) -> Any:
     return max(x.lower(), arb(0))
 
 
-class HalfLine(NamedTuple):
+class RayLight(NamedTuple):
     """Half-line over a cell of offsets: its light L, the means K / L and J / K along it, which all
     fall with q . u, and its direction u (2,)."""
 
@@ -76,7 +76,7 @@ class HalfLine(NamedTuple):
     u: Array
 
 
-def half_line(q: Array, angle: Any) -> HalfLine:
+def half_line(q: Array, angle: Any) -> RayLight:
     u = np.array([angle.cos(), angle.sin()])
     along = q @ u
     near, far = half_line_means(along.lower()), half_line_means(along.upper())
@@ -86,7 +86,7 @@ def half_line(q: Array, angle: Any) -> HalfLine:
     )
     scale = (8 * arb.pi()).sqrt()
     light = (far[0] * farthest / scale).union(near[0] * nearest / scale)
-    return HalfLine(light, far[1].union(near[1]), far[2].union(near[2]), u)
+    return RayLight(light, far[1].union(near[1]), far[2].union(near[2]), u)
 
 
 def cross_product(u: Array, v: Array) -> Any:
@@ -135,7 +135,7 @@ def claims_in_cell(edges: Any, q: Array, shares: Any, middles: Any, light: Any) 
     return claims + [(light["from_point"][k][i], middles[k][i]) for k in range(3) for i in range(2)]
 
 
-def offset_motion(rays: list[HalfLine], alpha: list[Any], turns: list[Any]) -> tuple[Array, Any]:
+def offset_motion(rays: list[RayLight], alpha: list[Any], turns: list[Any]) -> tuple[Array, Any]:
     """Motion (2,) of the apex that keeps the shares while the edges turn, and half the bound of its
     length."""
     flow = sum(alpha[e] * rays[e].mean * turns[e] for e in range(3))
@@ -145,7 +145,7 @@ def offset_motion(rays: list[HalfLine], alpha: list[Any], turns: list[Any]) -> t
     return dq, (dq[0].abs_upper() ** 2 + dq[1].abs_upper() ** 2).sqrt() / 2
 
 
-def pushed_moment(rays: list[HalfLine], turns: list[Any], k: int, middle: Array) -> Any:
+def pushed_moment(rays: list[RayLight], turns: list[Any], k: int, middle: Array) -> Any:
     """First moment (2,) that facet k gains when its two edges turn."""
     first, second = (
         rays[e].light * rays[e].mean * turns[e] * (rays[e].reach * rays[e].u - middle)

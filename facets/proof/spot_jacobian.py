@@ -124,7 +124,7 @@ class Centred(NamedTuple):
     middle: Intervals
     slopes: Intervals
 
-    def over_piece(self) -> Intervals:
+    def enclosure(self) -> Intervals:
         """Return an enclosure of the Jacobian (6, 6) over the whole piece."""
         enclosure: Intervals = self.middle + np.tensordot(self.slopes, self.half, (0, 0))
         return enclosure

@@ -200,7 +200,7 @@ def conclude(
 ) -> None:
     """Conclude uniqueness from the Jacobians over the pieces: by their hull, if that is regular,
     else by midpoints."""
-    hull = hull_of_arrays([jacobian.over_piece() for jacobian in jacobians])
+    hull = hull_of_arrays([jacobian.enclosure() for jacobian in jacobians])
     certificate.margin, certificate.inverse, certificate.weights = regularity(hull)
     bound = determinant_bound(hull, slope, certificate.margin)
     certificate.pieces = [p._replace(at_least=max(p.at_least, bound)) for p in certificate.pieces]
@@ -269,7 +269,7 @@ def examine_piece(
         jacobian = centred_jacobian(geometry, shares, low, high)
     except NotFacing:
         return None, 0.0
-    return jacobian, determinant_bound(jacobian.over_piece(), slope)
+    return jacobian, determinant_bound(jacobian.enclosure(), slope)
 
 
 def edges_over_rotations(geometry: Geometry, box: StateBox) -> list[FacetEdges]:

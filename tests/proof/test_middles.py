@@ -91,7 +91,7 @@ def light():
 
 def test_jacobians_of_a_piece_lie_in_what_its_slopes_make_of_the_middle(light):
     low, high = np.array([1, -2, 0, 0.001, -0.004, 0]), np.array([2, 1, 4, 0.005, 0.004, 0.009])
-    whole, rng = centred_jacobian(*light, low, high).over_piece(), np.random.default_rng(2)
+    whole, rng = centred_jacobian(*light, low, high).enclosure(), np.random.default_rng(2)
     for _ in range(30):
         pose = [arb(float(x)) for x in low + rng.integers(0, 3, 6) / 2 * (high - low)]
         single = spot_jacobian(*light, pose)
