@@ -238,10 +238,11 @@ def name_lanes(panel: Axes, places: Iterable[float], names: Sequence[str], count
 
 
 def plain_log(axis: Any) -> None:
-    """Label a logarithmic axis with plain round numbers; few decades have 1, 2 and 5 of each."""
-    from matplotlib.ticker import LogLocator, NullFormatter
+    """Label a logarithmic axis with plain numbers: even steps, 1, 2 and 5, or powers of ten."""
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
     low, high = sorted(axis.get_view_interval())
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,)))
+    logarithmic = LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,))
+    axis.set_major_locator(logarithmic if high > 10 * low else MaxNLocator(5, steps=(1, 2, 5, 10)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
