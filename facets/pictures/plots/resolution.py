@@ -44,7 +44,10 @@ def budget_picture(resolutions: Sequence[Resolution]) -> Figure:
         for panel in panels:
             panel.spines["left"].set_visible(False)
             panel.tick_params(left=False, labelleft=panel is panels[0])
-        draw_legend(picture, panels, resolutions)
+        legend = style.panels_legend(picture, panels, 4)
+        whose = "" if resolutions[0].object is None else "displacement of the object: "
+        legend.set_title(f"{whose}standard uncertainties, and fractions of the variance at rest",
+                         {"size": style.LEAST})  # fmt: skip
     return picture
 
 
@@ -61,15 +64,16 @@ def draw_range(panel: Axes, place: float, resolution: Resolution, name: str) -> 
     factor = unit_of(name).fine_factor
     rest, worst = factor * resolution.nominal[i], factor * resolution.worst[i]
     panel.plot([rest, worst], [place, place], color=hues.grey, lw=1.0, zorder=1)
-    panel.plot(worst, place, "|", color=hues.ink, ms=8, mew=1.4)
-    panel.plot(rest, place, "o", color=hues.ink, ms=5)
+    panel.plot(rest, place, "o", color=hues.ink, ms=5, label="at rest")
+    panel.plot(worst, place, "|", color=hues.ink, ms=8, mew=1.4,
+               label="at worst in the axis's range")  # fmt: skip
 
 
 def draw_shares(panel: Axes, place: float, resolution: Resolution, name: str) -> None:
     """Stack the fractions of the variance at rest, with one colour for each source."""
     start = 0.0
     for n, percent in enumerate(100 * resolution.shares[POSE.index(name)]):
-        panel.barh(place, percent, 0.6, start, **bar_style(n))
+        panel.barh(place, percent, 0.6, start, label=resolution.sources[n], **bar_style(n))
         start += percent
 
 
@@ -78,16 +82,3 @@ def bar_style(source: int) -> dict[str, Any]:
     hues = chosen_hues()
     cycle, n = divmod(source, len(hues.series))
     return {"color": hues.series[n], "hatch": cycle * "////", "edgecolor": hues.ground, "lw": 0}
-
-
-def draw_legend(picture: Figure, panels: Sequence[Axes], resolutions: Sequence[Resolution]) -> None:
-    values, shares = panels[:2]
-    ink = chosen_hues().ink
-    values.plot([], [], "o", color=ink, ms=5, label="at rest")
-    values.plot([], [], "|", color=ink, ms=8, mew=1.4, label="at worst in the axis's range")
-    for n, source in enumerate(dict.fromkeys(s for each in resolutions for s in each.sources)):
-        shares.barh(0, 0, label=source, **bar_style(n))
-    legend = style.panels_legend(picture, [values, shares], 4)
-    whose = "" if resolutions[0].object is None else "displacement of the object: "
-    legend.set_title(f"{whose}standard uncertainties, and fractions of the variance at rest",
-                   {"size": style.LEAST})  # fmt: skip
