@@ -61,7 +61,7 @@ Effect = Annotated[
     typer.Option(
         "--effect",
         metavar="NAME=on|off|auto",
-        help="Include an effect of real light in the fit, leave it out, or let the data "
+        help="Include an effect of real light in the fit, exclude it, or let the data "
         "decide; can be repeated.  [default: the configuration's `calibrate.effects`]",
         autocompletion=completion.assignments(completion.effects, ("on", "off", "auto")),
     ),
@@ -72,7 +72,7 @@ Only = Annotated[
         "--only",
         metavar="GROUP,...",
         help="Recalibrate a calibrated CONFIG in which only these parameters have changed: beam, "
-        "gains, detectors, facets. All others are known by the covariance of CONFIG, and stay in "
+        "gains, detectors, facets. All others are known by the covariance of CONFIG, and remain in "
         "the covariance that is written.",
     ),
 ]
@@ -85,9 +85,7 @@ Dwells = Annotated[
 ]
 AcceptMisfit = Annotated[
     bool,
-    typer.Option(
-        "--accept-misfit", help="Write the result even if the checks say not to trust it."
-    ),
+    typer.Option("--accept-misfit", help="Write the result even if the checks refuse it."),
 ]
 Propose = Annotated[
     int | None,
@@ -175,7 +173,7 @@ def choose_effects(settings: Config, decisions: list[str]) -> Config:
     for text in decisions:
         name, _, decision = text.partition("=")
         if name in named:
-            raise InputError(f"--effect has {name} twice; give it once")
+            raise InputError(f"--effect is given twice for {name}; give it once")
         named.add(name)
         if name not in effects or decision not in ("on", "off", "auto"):
             raise InputError(

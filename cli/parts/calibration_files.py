@@ -63,7 +63,7 @@ class CalibrationFiles:
 def write_results(settings: Config, verdict: Verdict, paths: CalibrationFiles) -> None:
     """Write the results to a temporary place and load them, so that no unreadable file is left.
 
-    settings: with `solve` as later readings are to be solved.
+    settings: with `solve` for later readings.
     """
     path, table, covariance, picture = paths.results
     assert verdict.fit is not None
@@ -108,7 +108,7 @@ def write_page(
     verdict: Verdict,
     page: tuple[Path, list[Path], list[Path]],
 ) -> None:
-    """Write the certificate.  page: it, and the files read and written."""
+    """Write the certificate.  page: its path, and the files that were read and written."""
     assert verdict.fit is not None
     assert verdict.errors is not None
     drawing = pictures.calibration.residual_drawing(verdict.fitted, verdict.fit, verdict.errors)
@@ -133,7 +133,8 @@ def write_covariance(path: Path, sensor: Sensor, about: dict[str, str]) -> None:
 
 
 def write_grids(settings: Config, path: Path, fit: Fit, about: dict[str, str]) -> dict[str, Path]:
-    """Write tables of detectors with corrections beyond third order, by letter."""
+    """Write tables of detectors with corrections beyond third order, next to the configuration;
+    return their paths by letter."""
     written = {}
     for letter, old, new in zip(DETECTORS, settings.sensor.psds, fit.sensor.psds, strict=True):
         if new.correction.grid is not None and new.correction.grid != old.correction.grid:

@@ -26,8 +26,8 @@ def fit_rig(
 ) -> tuple[Config, Verdict]:
     """Fit the rig's parameters, and print the result; exit status 1 if it is not to be trusted.
 
-    groups: the parameters that alone have changed; none if all are calibrated.
-    Returns the configuration, with `solve` as later readings are to be solved, and the verdict.
+    groups: the only parameters that have changed; none if all are calibrated.
+    Returns the configuration, with the settings `solve` for later readings, and the verdict.
     """
     samples, options = read_samples(settings, paths)
     unknowns = (
@@ -38,7 +38,7 @@ def fit_rig(
     print(f"{len(samples.raw)} samples, {len(unknowns.names)} unknowns of the rig")
     if unknowns.joint:
         print(
-            f"{len(unknowns.joint.names)} of them are known before by the covariance of CONFIG; "
+            f"{len(unknowns.joint.names)} of them have the covariance of CONFIG as their prior; "
             f"changes are looked for in: {', '.join(groups)}."
         )
     else:
@@ -65,7 +65,7 @@ def fit_rig(
 
 
 def choose_power(settings: Config, options: Calibrate, verdict: Verdict) -> tuple[Config, Verdict]:
-    """Choose what later solutions know of the laser's power; add the finding that says so."""
+    """Choose the prior knowledge of the laser's power for later readings; add the finding on it."""
     if verdict.sensor is None or verdict.fit is None:
         return settings, verdict
     solve, findings = calibration.findings.later_power(

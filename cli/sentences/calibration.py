@@ -32,16 +32,16 @@ def show_weak(directions: list[Direction]) -> None:
 
 def show_lost_uncertainties(settings: Config, unknowns: Choice) -> None:
     """Warn if a calibration loses the uncertainties of parameters that it does not fit."""
-    known = settings.sensor.calibration
-    lost = [] if known is None else [
-        name for name in known.names
+    previous = settings.sensor.calibration
+    lost = [] if previous is None else [
+        name for name in previous.names
         if name in calibration.fitting.unknowns.OF_SENSOR and name not in unknowns.names
         and name != "beam.power"
     ]  # fmt: skip
     if lost:
         print(
             f"CONFIG has the uncertainties of {len(lost)} parameters that are not fitted here; the "
-            "result\nwould take them as exact unless the data call for them. --only keeps them."
+            "result\ntakes them as exact unless the data require them. With --only they remain."
         )
 
 
@@ -63,17 +63,17 @@ def show_verdict(settings: Config, verdict: Verdict) -> None:
 
 
 def show_candidates(done: EffectSearch) -> None:
-    """Print which effects the data require."""
+    """Print the effects, and whether the data require them."""
     columns = ("effect", "unknowns", "fall of chi-square", "error of new readings", "", "why")
     rows = [("the plain fit", str(len(done.plain.choice.names)), "", f"{done.error:.4f}", "", "")]
     for row in done.rows:
         error = f"{row.error:.4f}" if row.error == row.error else ""
         fall = f"{row.fall:.5g}" if row.fall == row.fall else ""
-        decision = "included" if row.accepted else "left out"
+        decision = "included" if row.accepted else "excluded"
         rows.append((row.words, str(row.unknowns), fall, error, decision, row.why))
     title = (
-        "\nEffects of real light, and whether the data need them; error of new readings: of "
-        "readings\nthat were not fitted, over their noise"
+        "\nEffects of real light, and whether the data require them; error of new readings: of "
+        "readings\nthat were not fitted, relative to their noise"
     )
     show_table(title, columns, rows, left_columns=(0, 4, 5))
 
@@ -90,8 +90,8 @@ def show_parameters(table: dict[str, Any]) -> None:
 def show_errors(table: dict[str, Any]) -> None:
     print(
         "Errors of poses on samples that were not fitted, with the beam known: RMS before and "
-        "after the\ncalibration, robust estimate (from the median), stated uncertainty, and share "
-        "within the 95 % intervals"
+        "after the\ncalibration, robust estimate (from the median), stated uncertainty, and "
+        "fraction\nwithin the 95 % intervals"
     )
     print(f"  {'':6} {'before':>9} {'after':>9} {'robust':>9} {'stated':>9}       {'held':>6}")
     for axis, unit, before, after, robust, stated, inside, _ in zip(*table.values(), strict=True):

@@ -1,8 +1,8 @@
-"""A calibration from beginning to end, and whether its result may be trusted.
+"""A complete calibration, and the decision whether its result may be trusted.
 
-The table is looked at; the plain fit is made; where it is bad, faults of the data are tried as
-hypotheses; then the effects that the data call for are taken; and what is left is judged. A result
-with a bad finding is not to be trusted.
+The columns are checked, and the plain fit is made. If it is bad, faults of the data are tried as
+hypotheses. Then the effects that the data require are added, and causes of the remaining residuals
+are found. A result with a bad finding is not to be trusted.
 """
 
 from __future__ import annotations
@@ -83,18 +83,18 @@ if TYPE_CHECKING:
 #: Ratios of measured to stated error on held-back samples, above which the result is reported, and
 #: refused, if chance exceeds the ratio with no more than these probabilities.
 WIDER_FACTOR, WRONG_FACTOR = 1.5, 2.0
-#: Chi-square for each reading, as effects of light promise it, from which on faults are looked for
-#: before these effects: real light is explained by them nearly whole, a fault is not.
+#: Faults are looked for before effects of light unless these promise a chi-square per reading below
+#: this: they explain real light nearly completely, but not a fault.
 PROMISING_CHI_SQUARE = 2.0
-#: How far a fit without the effects of light that has not settled goes from the configuration, in
-#: standard uncertainties, where it is of no use to look for these effects beside it. On twenty rigs
-#: that had them all it went up to 17.
+#: A plain fit that does not converge and moves a parameter further than this from its configured
+#: value, in standard uncertainties, has failed; effects of light are then not tried. On twenty rigs
+#: with all of them it moved parameters by up to 17.
 ASTRAY_SIGMAS = 50.0
-#: Chi-square over that before, to which causes that are undone lower that of a plain fit.
+#: Undone causes are accepted if they lower chi-square of a plain fit to this fraction.
 LEAST_CURE = 0.3
-#: Effects that take up noise which is larger than stated.
+#: Effects that absorb noise which is larger than stated.
 BEAM_SHAPES = ("profile", "asymmetry")
-#: How often effects and causes are found in turn.
+#: Number of rounds in which effects and causes are found in turn.
 JUDGE_ROUNDS = 3
 #: Samples that a fit needs.
 MIN_SAMPLES = 10
@@ -104,9 +104,9 @@ MIN_SAMPLES = 10
 class Verdict:
     """The result of a calibration.
 
-    fitted, held: the samples that were fitted, and those held back.  fit: the last fit, None where
-    none was made.  search: what became of the candidates.  sensor: the calibrated sensor with its
-    uncertainties, None where none may be written.  errors: a table of the errors on held-back
+    fitted, held: the samples that were fitted, and those held back.  fit: the last fit, None if
+    there was none.  search: the decisions on the candidates.  sensor: the calibrated sensor with
+    its uncertainties, None if it must not be written.  errors: a table of the errors on held-back
     samples.  findings: in sentences, those that forbid the use first.
     """
 
@@ -123,13 +123,13 @@ class Verdict:
         return self.sensor is not None and not any(finding.bad for finding in self.findings)
 
     def refuse(self) -> Verdict:
-        """The verdict on samples that fit only without what explains most of their residuals: it
-        could be something else."""
+        """The verdict on samples that fit only after a cause of most residuals was undone, since
+        another cause may look the same."""
         if not self.is_trusted:
             return self
         words = (
-            "The samples fit only without what is said below, which is many times the noise and "
-            "could be something else that looks like it: mend that first."
+            "The samples fit only after the cause below was undone, whose effect is many times the "
+            "noise; another cause may look the same. Remove the cause first."
         )
         return replace(self, findings=[Finding(True, words), *self.findings])
 
@@ -138,7 +138,7 @@ class Verdict:
 def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> Verdict:
     """Screen the samples, fit them, judge all alternatives, and accept, warn or refuse.
 
-    Raises `InputError` where there are too few samples or unknowns to fit.
+    Raises `InputError` if there are too few samples or unknowns to fit.
     """
     screened = screen(sensor, data, settings)
     if screened.is_refused:
@@ -152,7 +152,7 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     done, causes = explain(sensor, plain, chosen, settings, large)
     if fault is None and plain.promising and is_suspicious(done.sensor, done.fit):
         fault = find_fault(sensor, plain.data, chosen)
-        causes = causes if fault is None else []  # these are of samples with the fault
+        causes = causes if fault is None else []  # they belong to samples with the fault
     if fault is not None or not done.fit.ended:
         return plain.verdict(reasons(plain, fault, causes, done), done)
     result = validate(sensor, plain, done, causes, settings)
@@ -164,11 +164,11 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
 
 @dataclass(frozen=True)
 class Screened:
-    """The samples after a look at the table.
+    """The samples after the checks of the table.
 
-    sensor: with the readings out of range that were excluded.  fitted, held: the samples to fit,
-    and those held back.  findings: on the table.  kind: what a sample is, rows or stands.
-    original: the samples to fit as they were, where causes were undone.
+    sensor: the sensor, with excluded readings out of its range.  fitted, held: the samples to fit,
+    and those held back.  findings: on the table.  kind: what a sample is, rows or dwells.
+    original: the unchanged samples to fit, if causes were undone.
     """
 
     sensor: Sensor
@@ -178,13 +178,13 @@ class Screened:
     kind: str
     original: Data | None = None
 
-    def leave_out(self, causes: list[Cause]) -> Screened:
-        """The samples without what causes do to their readings."""
+    def without(self, causes: list[Cause]) -> Screened:
+        """The samples without the effects of causes on their readings."""
         original = self.original or self.fitted
         return replace(self, fitted=undo_causes(original, causes), original=original)
 
     def follow(self, n: int) -> Screened:
-        """The samples in which something follows the temperature by one of `Data.pasts`."""
+        """The samples with one of `Data.pasts` as the delayed temperature."""
         original = self.original and self.original.follow(n)
         fitted, held = self.fitted.follow(n), self.held.follow(n)
         return replace(self, fitted=fitted, held=held, original=original)
@@ -205,17 +205,17 @@ class Screened:
 
 
 def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
-    """Check the columns, leave out readings over an edge, and hold samples back."""
-    kind = "rows" if data.noise is None else "stands"
+    """Check the columns, exclude readings over an edge, and hold samples back."""
+    kind = "rows" if data.noise is None else "dwells"
     early = check_columns(sensor, data)
-    whole, coarse = add_written_steps(sensor, data._replace(number=row_numbers(data)))
-    sensor, whole, lost = exclude_edge_readings(sensor, remove_duplicates(add_approach(whole)))
+    samples, coarse = add_written_steps(sensor, data._replace(number=row_numbers(data)))
+    sensor, samples, lost = exclude_edge_readings(sensor, remove_duplicates(add_approach(samples)))
     early += coarse + lost
-    if len(whole.raw) < MIN_SAMPLES:
-        early.insert(0, Finding(True, f"{len(whole.raw)} samples are left: too few."))
-        return Screened(sensor, whole, whole.part(slice(0)), early, kind)
+    if len(samples.raw) < MIN_SAMPLES:
+        early.insert(0, Finding(True, f"{len(samples.raw)} samples remain: too few."))
+        return Screened(sensor, samples, samples.part(slice(0)), early, kind)
     averages = add_converter_steps(
-        sensor, average_equal_poses(sensor, add_power_polynomials(whole))
+        sensor, average_equal_poses(sensor, add_power_polynomials(samples))
     )
     fitted, held = split(averages, settings.held_back)
     return Screened(sensor, fitted, held, early, kind)
@@ -228,9 +228,9 @@ def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
 class Plain:
     """The fit without effects of the light and without outliers.
 
-    screened: all samples.  data: the samples that were fitted.  fit: the fit.  outliers: rows that
-    were taken out.  hopeless: whether the fit is so bad that faults of the data are looked for.
-    promising: whether effects of light promise to explain it.
+    screened: all samples.  data: the samples that were fitted.  fit: the fit.  outliers: excluded
+    rows.  hopeless: whether the fit is so bad that faults of the data are looked for.  promising:
+    whether effects of light promise to explain it.
     """
 
     screened: Screened
@@ -243,8 +243,8 @@ class Plain:
     def is_better_than(self, other: Plain) -> bool:
         if not self.fit.ended and other.fit.ended:
             return False
-        least = LEAST_CURE if other.fit.ended else 1.0
-        return self.fit.reduced_chi_square < least * other.fit.reduced_chi_square
+        factor = LEAST_CURE if other.fit.ended else 1.0
+        return self.fit.reduced_chi_square < factor * other.fit.reduced_chi_square
 
     @property
     def original(self) -> Data:
@@ -252,27 +252,26 @@ class Plain:
 
     def verdict(self, reasons: list[Finding], done: EffectSearch | None = None) -> Verdict:
         """The verdict that the calibration is not to be trusted, with its reasons."""
-        said = [*reasons, *self.screened.findings]
+        every = [*reasons, *self.screened.findings]
         result, data = (self.fit, self.data) if done is None else (done.fit, done.data)
-        return Verdict(data, self.screened.held, result, done, None, None, said)
+        return Verdict(data, self.screened.held, result, done, None, None, every)
 
 
 def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Calibrate) -> Plain:
-    """Fit without effects of the light; where that is hopeless, also with a delay of the
-    reference."""
+    """Fit without effects of the light; if that is hopeless, also with a delay of the reference."""
     robust = settings.outliers
 
     def fit_without_outliers(choice: Choice) -> tuple[Data, Fit, list[int]]:
         result = fit(sensor, screened.fitted, choice, robust)
         return exclude_outliers(sensor, screened.fitted, result, robust)
 
-    data, result, gone = fit_without_outliers(chosen)
+    data, result, outliers = fit_without_outliers(chosen)
     hopeless = is_suspicious(sensor, result)
     if screened.fitted.velocity is not None and hopeless:
         late = fit_without_outliers(chosen.add_unknowns({DELAY: SIGMAS["delay"]}))
         hopeless = is_suspicious(sensor, late[1])
         if late[1].ended and not result.ended:
-            data, result, gone = late
+            data, result, outliers = late
     every = candidates(sensor, data, settings)
     promising = (
         hopeless
@@ -280,17 +279,17 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
         and result.reduced_chi_square < WORST_LIGHT_SIGMAS**2
         and reachable_chi_square(sensor, data, result, every) < PROMISING_CHI_SQUARE
     )
-    return Plain(screened, data, result, gone, hopeless, promising)
+    return Plain(screened, data, result, outliers, hopeless, promising)
 
 
-# ---- judge: what explains the residuals
+# ---- judge: causes of the residuals
 
 
 def first_fit(
     sensor: Sensor, screened: Screened, chosen: Choice, settings: Calibrate
 ) -> tuple[Plain, Explanation | None, list[Cause]]:
-    """The plain fit, to samples without a fault of the table, or without large causes, where no
-    light explains it."""
+    """The plain fit; if no light explains its residuals, to samples without a fault of the table or
+    without large causes."""
     plain = plain_fit(sensor, screened, chosen, settings)
     if plain.promising or not plain.hopeless:
         return plain, None, []
@@ -306,18 +305,19 @@ def first_fit(
 def undo_large_causes(
     sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate
 ) -> tuple[Plain, list[Cause]]:
-    """The plain fit to samples without what explains most of its residuals beside all effects."""
+    """The plain fit to samples without the causes that explain most of its residuals, in addition
+    to all effects."""
     causes, every = list[Cause](), candidates(sensor, plain.data, settings)
     for _ in range(JUDGE_ROUNDS):
         wide = add_cheap_candidates(every, plain.fit.choice)
         data = restore_readings(plain.data, plain.original)
         robust = None if causes else settings.outliers
-        with np.errstate(over="ignore", invalid="ignore"):  # where the fit went astray
+        with np.errstate(over="ignore", invalid="ignore"):  # for a fit that diverged
             result = replace(plain.fit, choice=wide)
             large = find_large_causes(Remainder(sensor, data, result, robust))
         if not large:
             break
-        causes, plain = large, plain_fit(sensor, plain.screened.leave_out(large), chosen, settings)
+        causes, plain = large, plain_fit(sensor, plain.screened.without(large), chosen, settings)
         if plain.promising or not plain.hopeless:
             break
     return plain, causes
@@ -326,7 +326,7 @@ def undo_large_causes(
 def follow_temperature(
     sensor: Sensor, plain: Plain, every: list[Candidate], robust: float | None
 ) -> Plain:
-    """The plain fit with how late the beam and the places most likely follow the temperature."""
+    """The plain fit with the likeliest delay of the beam and the places behind the temperature."""
     if plain.data.pasts is None:
         return plain
     wide = add_cheap_candidates(every, plain.fit.choice)
@@ -337,7 +337,7 @@ def follow_temperature(
 
 
 def unsettled_findings(sensor: Sensor, plain: Plain) -> list[Finding]:
-    """Findings on a fit on which nothing can be built."""
+    """Findings on a fit that failed."""
     if not plain.hopeless or plain.fit.ended:
         return []
     astray = pull_findings(sensor, plain.fit, ASTRAY_SIGMAS)
@@ -345,7 +345,7 @@ def unsettled_findings(sensor: Sensor, plain: Plain) -> list[Finding]:
 
 
 def extend(sensor: Sensor, plain: Plain, settings: Calibrate) -> EffectSearch:
-    """Add the effects that the data call for."""
+    """Add the effects that the data require."""
     steady = fit_steady_laser(sensor, plain.data, plain.fit, settings.outliers)
     return search(sensor, plain.data, settings, steady, plain.outliers)
 
@@ -353,17 +353,17 @@ def extend(sensor: Sensor, plain: Plain, settings: Calibrate) -> EffectSearch:
 def explain(
     sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate, causes: list[Cause]
 ) -> tuple[EffectSearch, list[Cause]]:
-    """Add the effects that the data call for, and judge what else explains the residuals.
+    """Add the effects that the data require, and find causes of the remaining residuals.
 
-    causes: that were undone before. What effects have taken up of a cause spoils them. So the
-    causes are undone in the samples, and effects and causes are found again, without effects that
-    nothing calls for beside the causes, until the causes stay the same.
+    An effect that absorbs a part of a cause is wrong. So the causes are undone in the samples, and
+    effects and causes are found again, without effects that are unnecessary in addition to the
+    causes, until the causes remain the same.  causes: those that were undone before.
     """
     original, best = plain.original, None
     for _ in range(JUDGE_ROUNDS):
         done = extend(sensor, plain, settings)
         if best is not None and not done.fit.ended:
-            break  # what was undone made it worse
+            break  # undoing the causes made it worse
         data = restore_readings(done.data, original) if causes else done.data
         robust = None if causes else settings.outliers
         together = done.scatter.cross_covariance
@@ -375,7 +375,7 @@ def explain(
         if [cause.best.key for cause in causes] == before and not needless:
             break
         settings = replace(settings, effects=settings.effects | dict.fromkeys(needless, "off"))
-        plain = plain_fit(sensor, plain.screened.leave_out(causes), chosen, settings)
+        plain = plain_fit(sensor, plain.screened.without(causes), chosen, settings)
     assert best is not None
     return best
 
@@ -383,18 +383,20 @@ def explain(
 def needless_effects(
     remainder: Remainder, causes: list[Cause], done: EffectSearch, settings: Calibrate
 ) -> list[str]:
-    """The effects that nothing calls for with the noise that is known by now: of those that look
-    like others, beside the causes, too; and of other modes of the beam, beside which causes are
-    looked for, and where something else explains more."""
-    beside = remainder.extend_by([cause.best for cause in causes])
-    asked = effects_to_doubt(done, settings)
+    """The effects that are unnecessary with the noise and the causes that were found.
+
+    Modes of the beam are tested without the causes, which were found in addition to them, and are
+    also unnecessary if another alternative explains more.
+    """
+    extended = remainder.extend_by([cause.best for cause in causes])
+    doubtful = effects_to_doubt(done, settings)
     needless = list[str]()
-    for candidate in asked if causes or done.scatter.causes else []:
+    for candidate in doubtful if causes or done.scatter.causes else []:
         names = set(candidate.sigma) & set(done.fit.choice.names)
-        rest = remainder if candidate.key in BEAM_SHAPES else beside
+        rest = remainder if candidate.key in BEAM_SHAPES else extended
         if chance_of(rise_without(rest, names), len(names)) > CHANCE:
             needless.append(candidate.key)
-    shapes = [part.key for part in asked if part.key in BEAM_SHAPES]
+    shapes = [part.key for part in doubtful if part.key in BEAM_SHAPES]
     of_shape = tuple(name for name in done.fit.choice.names if name in PROFILE)
     if shapes and rivals_of_shape(remainder, of_shape)[1]:
         needless += shapes
@@ -402,7 +404,7 @@ def needless_effects(
 
 
 def effects_to_doubt(done: EffectSearch, settings: Calibrate) -> list[Candidate]:
-    """The effects of a fit that were not asked for and look like others."""
+    """The fitted effects that the user did not require and that look like others."""
     return [
         part for part in done.accepted
         if settings.effects.get(part.key) != "on" and set(part.sigma) & set(done.fit.choice.names)
@@ -413,15 +415,15 @@ def effects_to_doubt(done: EffectSearch, settings: Calibrate) -> list[Candidate]
 def reasons(
     plain: Plain, fault: Explanation | None, causes: list[Cause], done: EffectSearch
 ) -> list[Finding]:
-    """Why there is no result."""
-    said = [] if fault is None or fault.finding in plain.screened.findings else [fault.finding]
+    """The reasons why there is no result."""
+    every = [] if fault is None or fault.finding in plain.screened.findings else [fault.finding]
     if done.fit.ended:
-        said += cause_findings(causes)
-    elif fault is None:  # what is sure even so
-        said += cause_findings([cause for cause in causes if cause.is_most])
+        every += cause_findings(causes)
+    elif fault is None:  # those that are certain nevertheless
+        every += cause_findings([cause for cause in causes if cause.is_most])
     if fault is not None or done.fit.ended:
-        return said
-    return [*said, unsettled_finding(done.fit), *pull_findings(done.sensor, done.fit)]
+        return every
+    return [*every, unsettled_finding(done.fit), *pull_findings(done.sensor, done.fit)]
 
 
 # ---- validate: on samples held back
@@ -430,55 +432,60 @@ def reasons(
 def validate(
     sensor: Sensor, plain: Plain, done: EffectSearch, causes: list[Cause], settings: Calibrate
 ) -> Verdict:
-    """The verdict on a fit that has settled, with the uncertainty of its sensor and its errors on
-    held-back samples."""
+    """The verdict on a converged fit, with its sensor's uncertainty and its errors on held-back
+    samples."""
     data, held = done.data, plain.screened.held
     remainder = remainder_of(done, settings.outliers)
     centre = centre_sigma(done.sensor, remainder, settings.before)
-    said, fitted = settled_findings(plain, done, causes, remainder)
-    said += centre_findings(centre)
+    every, fitted = settled_findings(plain, done, causes, remainder)
+    every += centre_findings(centre)
     read = restore_readings(data, plain.original)
     made = complete_uncertainty(
         fitted, remainder, read, done.scatter, causes, centre, open_bends(settings),
         settings.outliers,
     )  # fmt: skip
-    known = replace(done.fit, sensor=made)
+    calibrated = replace(done.fit, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
-    errors = validation_table(sensor, known, held)
-    if all(cause.alternatives[0].persists for cause in causes):  # else what is held back has them
-        said += validation_findings(errors)
-    said.sort(key=lambda finding: not finding.bad)
-    return Verdict(data, held, known, done, made, errors, said)
+    errors = validation_table(sensor, calibrated, held)
+    if all(
+        cause.alternatives[0].persists for cause in causes
+    ):  # others also act on held-back samples
+        every += validation_findings(errors)
+    every.sort(key=lambda finding: not finding.bad)
+    return Verdict(data, held, calibrated, done, made, errors, every)
 
 
 def remainder_of(done: EffectSearch, robust: float | None) -> Remainder:
-    """What the fit with its effects leaves."""
+    """The remainder of the fit with its effects."""
     return Remainder(done.sensor, done.data, done.fit, robust, done.scatter.cross_covariance)
 
 
 def settled_findings(
     plain: Plain, done: EffectSearch, causes: list[Cause], remainder: Remainder
 ) -> tuple[list[Finding], Sensor]:
-    """Findings on the samples and on a fit that has settled, and the fitted sensor, whose shaded
-    places are out of range."""
+    """Findings on the samples and on a converged fit, and the fitted sensor, with shaded places out
+    of range."""
     result, fitted = done.fit, done.fit.sensor
     outliers = outlier_findings(
         done.sensor, plain.original, done.outliers, result, plain.screened.kind
     )
     if any(SHADED in finding.causes for finding in outliers):
         fitted = exclude_shade(result, plain.original, done.outliers)
-    said = cause_findings(causes) + outliers
+    every = cause_findings(causes) + outliers
     judged = findings(done.sensor, result, done.data)
-    least = LEAST_SCORE_FRACTION * max((cause.best.fall for cause in causes), default=0.0)
-    if not any(finding.bad and not finding.causes for finding in judged):  # else they take up more
-        said += effect_findings(remainder, least) + scatter_findings(done.scatter, least)
-    said += half_findings(compare_halves(remainder))
-    said += reference_steps(plain.original, done.scatter) + judged + plain.screened.findings
-    return said, fitted
+    min_fall = LEAST_SCORE_FRACTION * max((cause.best.fall for cause in causes), default=0.0)
+    if not any(
+        finding.bad and not finding.causes for finding in judged
+    ):  # else they absorb other causes
+        every += effect_findings(remainder, min_fall)
+        every += scatter_findings(done.scatter, min_fall)
+    every += half_findings(compare_halves(remainder))
+    every += reference_steps(plain.original, done.scatter) + judged + plain.screened.findings
+    return every, fitted
 
 
 def unsettled_finding(result: Fit) -> Finding:
-    return Finding(True, f"The fit did not settle in {result.steps} steps: {result.cause}.")
+    return Finding(True, f"The fit did not converge in {result.steps} steps: {result.cause}.")
 
 
 def is_suspicious(sensor: Sensor, plain: Fit) -> bool:
@@ -489,8 +496,8 @@ def is_suspicious(sensor: Sensor, plain: Fit) -> bool:
 
 
 def largest_by_chance(counts: Floats, probability: float) -> Floats:
-    """The ratio of robust to stated error, for each axis, which the errors of a calibration without
-    a fault exceed in any axis with this probability.
+    """The ratios of robust to stated error of the axes that a calibration without a fault exceeds
+    in any axis with this probability.
 
     counts: (m,) of independent samples by axis. The median of n values has the rank of a beta
     variable with (n + 1) / 2 twice; the m axes share the probability (Sidak).
@@ -521,9 +528,9 @@ def validation_findings(errors: dict[str, NDArray[Any]]) -> list[Finding]:
     unit = errors["unit"][n]
     words = (
         f"On {errors['samples'][n]:.0f} samples held back the poses err by "
-        f"{errors['robust'][n]:.3g} {unit} in {errors['axis'][n]}, where "
-        f"{errors['stated'][n]:.3g} {unit} is stated, which is more than chance allows: "
+        f"{errors['robust'][n]:.3g} {unit} in {errors['axis'][n]}, but the stated uncertainty is "
+        f"{errors['stated'][n]:.3g} {unit}; chance does not explain this: "
     )
     if wrong.max() > 1:
         return [Finding(True, words + "the calibration does not hold beyond its own samples.")]
-    return [Finding(False, words + "take the larger for the truth.")]
+    return [Finding(False, words + "use the larger of the two.")]

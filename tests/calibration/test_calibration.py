@@ -147,7 +147,7 @@ def test_the_command_writes_the_rig_that_the_solver_takes(run):
     """Raw readings of another motion are solved with honest uncertainties."""
     folder, said, truth = run
     assert "The motion determines these combinations of parameters less well" in said
-    assert "Effects of real light, and whether the data need them" in said
+    assert "Effects of real light, and whether the data require them" in said
     assert set(facets.load(folder / "mine.yaml").sensor.calibration.names) <= set(KNOWN)
     assert (folder / "mine.png").exists()
     words = ("solve", "mine.yaml", "trial.csv", "-o", "poses.csv", "--beam", "known")

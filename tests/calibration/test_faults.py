@@ -104,7 +104,7 @@ def repeat_six_rows(raw, pose):
         ),
         (convert_pincushion_currents_as_another_kind, "sensor.electronics.kind to pincushion"),
         (stick_but_for_a_jump, "psi of detector C is stuck"),
-        (repeat_six_rows, "6 different poses only"),
+        (repeat_six_rows, "only 6 different poses"),
     ],
 )
 def test_a_fault_of_the_table_is_named_and_not_trusted(samples, spoil, words):
@@ -155,7 +155,7 @@ def test_rows_that_were_sorted_are_told(samples, has_time):
     clock = np.linspace(-1, 1, count)[:, None] * np.eye(3)[0] if has_time else None
     rows = np.argsort(samples.pose[:, 2])
     whole = samples._replace(clock=clock)
-    words = "The rows do not stand in the order of time, as after sorting"
+    words = "The rows are not in the order of time, as after sorting"
     assert words in words_of(judge(whole.part(rows)))
     assert words not in words_of(judge(whole))
 
@@ -205,7 +205,7 @@ def test_a_delay_of_most_of_a_row_is_no_row():
     judged = judge(sample_in_time(8e-4, count=400), settings(delay="auto"))
     delay = judged.fit.all_values[PLACE["reference.delay"]]
     assert delay == pytest.approx(8e-4, rel=3e-3)
-    assert "rows stand" not in words_of(judged)
+    assert "rows are one row" not in words_of(judged)
 
 
 def test_channels_read_in_turn_are_found():

@@ -71,7 +71,7 @@ def test_a_reference_that_scatters_by_its_last_digit_forbids_the_use():
     coarse[:, 1] = np.round(coarse[:, 1] / 4e-3) * 4e-3
     judged = judge(data._replace(pose=coarse))
     assert not judged.is_trusted
-    assert "written make it err (ty in steps of 4 um)" in words_of(judged)
+    assert "rounding of its values (ty in steps of 4 um)" in words_of(judged)
 
 
 # ---- samples that no noise makes
@@ -87,7 +87,7 @@ def test_samples_that_jump_are_excluded_and_decide_nothing():
     judged, clean = judge(data._replace(raw=raw), asked), judge(data.part(~hit), asked)
     rows = ", ".join(str(row + 1) for row in np.flatnonzero(hit))
     assert judged.is_trusted
-    assert f"that no noise makes and were excluded (rows {rows})" in words_of(judged)
+    assert f"that noise does not explain and were excluded (rows {rows})" in words_of(judged)
     assert len(judged.fitted.raw) == len(clean.fitted.raw)
     off = (judged.fit.values - clean.fit.values) / clean.fit.uncertainty
     assert np.abs(off).max() < 0.1
@@ -103,7 +103,7 @@ def test_what_errs_in_most_of_the_excluded_samples_is_said(field, column, words)
     values = getattr(data, field).copy()
     values[5:50:9, column] += [0.08, -0.1, 0.12, 0.06, -0.07]
     judged = judge(data._replace(**{field: values}), replace(settings(), held_back=0.0))
-    assert f"5 of {COUNT} samples hold an outlier" in words_of(judged)
+    assert f"5 of {COUNT} samples contain an outlier" in words_of(judged)
     assert f"In most of them {words}" in words_of(judged)
 
 

@@ -308,7 +308,7 @@ def stand_in_the_light(sensor, state, exact):
 @pytest.mark.parametrize(
     ("alter", "words"),
     [(shade, "They are all where psi of detector B is over"),
-     (stand_in_the_light, "They stand together")],
+     (stand_in_the_light, "They follow each other")],
 )  # fmt: skip
 def test_what_excluded_samples_have_in_common_is_said(alter, words):
     judged = judge(sample_rig(COUNT, alter=alter)[1])

@@ -23,7 +23,7 @@ def test_what_hangs_over_the_edge_is_left_out():
     lost = np.abs(cut_light(rig.sensor, state, None) / facets.readings(rig.sensor, state) - 1)
     assert 10 < (lost[:, 2::3].max(axis=1) > 1e-3).sum() < 100
     judged = judge(data)
-    assert "to the edge of the sensitive area" in words_of(judged)
+    assert "from the edge of the sensitive area" in words_of(judged)
     assert judged.is_trusted
     assert not judged.search.outliers  # the other detectors of these samples stay
     assert np.isfinite(judged.fitted.raw).mean() < 1
