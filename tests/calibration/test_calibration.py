@@ -192,8 +192,8 @@ def test_the_command_proposes_poses(run_in_process, tmp_path):
     [
         ("empty.csv", "give their own table with --reference"),
         ("empty.csv -o mine.yaml", "--force"),
-        ("empty.csv --effect bend=perhaps", "the names are curvature"),
-        ("empty.csv --effect nothing=on", "the names are curvature"),
+        ("empty.csv --effect bend=perhaps", "NAME=auto, of curvature"),
+        ("empty.csv --effect nothing=on", "NAME=auto, of curvature"),
     ],
 )
 def test_what_is_wrong_is_told(run_in_process, tmp_path, words, reason):

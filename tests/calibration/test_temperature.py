@@ -76,7 +76,7 @@ def test_the_coefficients_are_those_of_the_rig(calibrated):
 def test_a_temperature_that_leads_the_head():
     """The head follows a ramp with a time constant of a quarter of the run.
 
-    Drifts may take what the nearest of the courses that are tried leaves.
+    Drifts may absorb the remainder of the nearest time constant, but none is significant.
     """
     time = np.linspace(0, 4, 200)
     air = 18.5 + np.minimum(time, 2)  # its mean is 20, where the rig is nominal
@@ -87,6 +87,7 @@ def test_a_temperature_that_leads_the_head():
     assert judged.is_trusted
     assert accepted_effects(judged) - set(DRIFTS[:2]) == {"temperature_lag"}
     assert "follow temperature_c late" in words_of(judged)
+    assert "drifted over the run" not in words_of(judged)
     off, u = errors_of_coefficients(judged.sensor)
     assert (np.abs(off) < 3 * u).all()
     assert u[:2].max() < 1e-4

@@ -52,7 +52,7 @@ DUST_SIGMAS, DUST_GRIDS = 0.3, ((2.4, 13), (0.6, 7), (0.15, 5))
 # ---- detectors, beam and lamps
 
 
-def by_detector(effects: Floats) -> Floats:
+def detector_blocks(effects: Floats) -> Floats:
     """Columns (n, 9, 3 q) each of which acts on one detector, of effects (n, 3, 3, q) on the three
     readings of each detector."""
     count, width = len(effects), effects.shape[3]
@@ -64,7 +64,7 @@ def by_detector(effects: Floats) -> Floats:
 def separate(values: Floats, pattern: ArrayLike) -> Floats:
     """Columns of values (n, 9) of the readings; pattern (3, q): the columns of a detector in which
     each of its three readings is."""
-    return by_detector(values.reshape(-1, 3, 3, 1) * np.asarray(pattern))
+    return detector_blocks(values.reshape(-1, 3, 3, 1) * np.asarray(pattern))
 
 
 def follow_powers(remainder: Residuals, terms: Floats) -> Floats:
@@ -72,7 +72,7 @@ def follow_powers(remainder: Residuals, terms: Floats) -> Floats:
     that power."""
     effects = np.zeros((len(terms), 3, 3, terms.shape[2]))
     effects[:, :, 2] = terms * remainder.light[:, :, None]
-    return by_detector(effects)
+    return detector_blocks(effects)
 
 
 #: Patterns of `separate`: one column for each detector; one for each coordinate of a spot; one for
@@ -143,7 +143,7 @@ def lamp_columns(remainder: Residuals) -> Floats:
     effects[:, :, :2, 0] = -remainder.model_readings.reshape(-1, 3, 3)[:, :, :2] / power
     effects[:, :, 2, 0] = 1
     effects[:, :, [0, 1], [1, 2]] = 1 / power
-    return by_detector(effects / remainder.noise.reshape(-1, 3, 3, 1))
+    return detector_blocks(effects / remainder.noise.reshape(-1, 3, 3, 1))
 
 
 # ---- basis functions
@@ -250,7 +250,7 @@ def uneven_columns(remainder: Residuals) -> Floats:
     """
     effects = -(beam_sigma(remainder.sensor) ** 2) * remainder.beam_columns.reshape(-1, 3, 3, 2)
     effects[:, :, 2] += remainder.light[:, :, None] * place_in_beam(remainder)[:, None]
-    return by_detector(effects)
+    return detector_blocks(effects)
 
 
 def responsivity_columns(remainder: Residuals) -> Floats:
@@ -356,6 +356,13 @@ def speck_light(remainder: Residuals, places: Floats) -> Floats:
     return light
 
 
+def narrow_beam(sensor: Sensor) -> Sensor:
+    """The sensor with a thin beam of ideal light, which shows the path of one ray."""
+    width = beam_sigma(sensor) / 100
+    thin = replace(sensor.beam, diameter_x=width, diameter_y=width)
+    return replace(sensor, beam=thin, light=BenchLight())
+
+
 def dust_columns(remainder: Residuals, places: Floats) -> Floats:
     """Columns (m, n, 9) of specks at places (m, 2) of the mirror from its tip, mm, per fraction of
     the light on a speck that it absorbs.
@@ -364,11 +371,9 @@ def dust_columns(remainder: Residuals, places: Floats) -> Floats:
     facets.
     """
     sensor, state = remainder.sensor, remainder.state
-    width = beam_sigma(sensor) / 100
-    thin = replace(sensor.beam, diameter_x=width, diameter_y=width)
     rays = np.tile(state, (len(places), 1, 1))
     rays[:, :, 6:] = state[:, :2] + places[:, None]
-    landing = readings(replace(sensor, beam=thin, light=BenchLight()), rays)
+    landing = readings(narrow_beam(sensor), rays)
     azimuths = np.array([facet.azimuth for facet in sensor.facets])
     angles = np.arctan2(places[:, 1], places[:, 0])
     facets = np.argmax(np.cos(angles[:, None] - azimuths), axis=1)
@@ -551,4 +556,4 @@ def amplifier_columns(remainder: Residuals) -> Floats:
     effects = np.zeros((len(raw), 3, 3, 4))
     effects[:, :, 0, :2], effects[:, :, 1, 2:] = bent[:, :, 0], bent[:, :, 1]
     effects[:, :, 2] = square.reshape(-1, 3, 4) / 2
-    return by_detector(effects / remainder.noise.reshape(-1, 3, 3, 1))
+    return detector_blocks(effects / remainder.noise.reshape(-1, 3, 3, 1))

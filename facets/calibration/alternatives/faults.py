@@ -464,7 +464,7 @@ def is_saturated(sensor: Sensor, data: Data, chosen: Choice) -> bool:
     if at is None:
         return False
     current, places = largest_currents(sensor, data)
-    residuals = residuals_at(sensor, data, chosen, at).reshape(-1, 3, 3)
+    residuals = residuals_at(all_rows(sensor, data, chosen), at).reshape(-1, 3, 3)
     residuals = residuals[:, :, :2] * np.sign(places)
     axis = np.abs(np.nan_to_num(places)).argmax(axis=2)[:, :, None]
     outward = np.take_along_axis(residuals, axis, axis=2)[:, :, 0]
@@ -474,16 +474,20 @@ def is_saturated(sensor: Sensor, data: Data, chosen: Choice) -> bool:
 
 def row_residuals(sensor: Sensor, data: Data, chosen: Choice, at: Guess) -> Floats:
     """The largest residual (n,) of each row's places at the common unknowns of a fit to others."""
-    sizes: Floats = np.abs(residuals_at(sensor, data, chosen, at)[:, PLACES]).max(axis=1)
+    sizes: Floats = np.abs(residuals_at(all_rows(sensor, data, chosen), at)[:, PLACES]).max(axis=1)
     return sizes
 
 
-def residuals_at(sensor: Sensor, data: Data, chosen: Choice, at: Guess) -> Floats:
-    """Residuals (n, 9) of all rows at the common unknowns of a fit to others, with the laser's
-    power unknown; 0 for missing readings."""
-    task = Task(sensor, subsample(sensor, data, len(data.raw)), chosen, 3.0)
-    residuals: Floats = task.guess(at.values, solve_open_axes(task.data, sensor)).residual
-    residuals[~np.isfinite(data.raw)] = 0.0
+def all_rows(sensor: Sensor, data: Data, chosen: Choice) -> Task:
+    """The fit of all rows."""
+    return Task(sensor, subsample(sensor, data, len(data.raw)), chosen, 3.0)
+
+
+def residuals_at(task: Task, at: Guess) -> Floats:
+    """Residuals (n, 9) at the common unknowns of a fit to other rows, with the laser's power
+    unknown; 0 for missing readings."""
+    residuals: Floats = task.guess(at.values, solve_open_axes(task.data, task.nominal)).residual
+    residuals[~np.isfinite(task.data.raw)] = 0.0
     return residuals
 
 

@@ -543,24 +543,21 @@ def fit_with_scatter(
     together = problem.like.is_together(problem.priors, problem.start)
     if not (is_doubtful(result) or result.choice.beam or together):
         return data, result, NO_SCATTER
+
+    def fit_again(scatter: Scatter, before: Fit) -> tuple[Data, Fit]:
+        scattered, chosen = add_scatter(bare, before.choice, scatter)
+        return scattered, fit(sensor, scattered, chosen, robust, before)
+
     scatter = estimate_scatter(problem)
-    data, result = fit_scattered(sensor, bare, scatter, result, robust)
+    data, result = fit_again(scatter, result)
     problem = size_problem(Task(sensor, bare, result.choice, robust), result, beam)
     sizes = problem.sizes(scatter.causes)  # the fit has changed the weights
     scatter = sizes.scatter(*scatter[:2], scatter.fall, problem.like)
-    data, result = fit_scattered(sensor, bare, scatter, result, robust)
+    data, result = fit_again(scatter, result)
     if BEAM_SCATTER in scatter.causes and mean_inflation(result) > LONG_WALK:
         wider = scatter.sizes * np.where(np.array(NAMES) == "beam", WALK_FACTOR, 1.0)
-        data, result = fit_scattered(sensor, bare, scatter._replace(sizes=wider), result, robust)
+        data, result = fit_again(scatter._replace(sizes=wider), result)
     return data, result, scatter
-
-
-def fit_scattered(
-    sensor: Sensor, bare: Data, scatter: Scatter, result: Fit, robust: float | None
-) -> tuple[Data, Fit]:
-    """Add a scatter to samples, and fit them again."""
-    data, chosen = add_scatter(bare, result.choice, scatter)
-    return data, fit(sensor, data, chosen, robust, result)
 
 
 #: The positions of a beam that walks are correlated, so that their mean is known less well than
@@ -646,11 +643,17 @@ def robust_drift(rows: Floats, power: Floats) -> tuple[Floats, Floats, float]:
 def estimate_jitter(task: Task, start: Fit) -> float | None:
     """The largest jitter that is about as likely as the best one; None if all of `JITTERS` are too
     small."""
-    priors, like = prior_variances(task.data, task.choice), Likelihood(task, start)
+    priors = prior_variances(task.data, task.choice)
     priors[7:] = (task.choice.beam / OWN_UNITS[7]) ** 2
+    unlikely = jitter_likelihoods(Likelihood(task, start), priors)
+    good = np.flatnonzero(unlikely < unlikely.min() + ONE_SIGMA_FALL)
+    return None if good[-1] == len(JITTERS) - 1 else float(JITTERS[good[-1]])
+
+
+def jitter_likelihoods(like: Likelihood, priors: Floats) -> Floats:
+    """-2 log L of each of `JITTERS`, up to a constant.  priors: see `Likelihood.variance`."""
     unlikely = np.empty(len(JITTERS))
     for n, jitter in enumerate(JITTERS.tolist()):
         priors[6] = (jitter / OWN_UNITS[6]) ** 2
         unlikely[n] = like.restrict(priors, np.zeros(len(NAMES))).unlikely
-    good = np.flatnonzero(unlikely < unlikely.min() + ONE_SIGMA_FALL)
-    return None if good[-1] == len(JITTERS) - 1 else float(JITTERS[good[-1]])
+    return unlikely
