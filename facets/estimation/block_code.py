@@ -103,7 +103,7 @@ def iterate(
         keep(new)
         going = new.status < CONVERGED
         usual = (new.damping < MIN_DAMPING) & (new.steps < PROGRESS_INTERVAL_STEPS - 1.5)
-        repetition.again = code.any(going & (usual | waits))
+        repetition.repeats = code.any(going & (usual | waits))
     return load()
 
 

@@ -17,14 +17,17 @@ if TYPE_CHECKING:
     from ..core.sensor import Sensor
 
 
-#: States at which a library is compared with a sensor, mm and rad; and the error, mm or mW, that a
-#: reading in single precision may have.
+#: Half widths of the states at which a library is compared with a sensor, mm and rad; and the
+#: error, mm or mW, that is allowed for a reading in single precision.
 SPREAD, SAME_READING_MM = np.array([0.1, 0.1, 0.1, 5e-3, 5e-3, 5e-3, 0.1, 0.1]), 2e-4
 
 
 class FirmwareSolutions(NamedTuple):
-    """state: (n, 8) mm, rad, power: (n,) mW, NaN where not converged.  status: (n,).
-    covariance: (n, 8, 8).  residual: (n,).  used: (n, 3) whether each detector was used."""
+    """Poses from the exported solver, NaN where it has not converged.
+
+    state: (n, 8) mm, rad.  power: (n,) mW.  status: (n,).  covariance: (n, 8, 8).  residual: (n,).
+    used: (n, 3) whether each detector was used.
+    """
 
     state: Floats
     power: Floats
@@ -50,20 +53,20 @@ class FirmwareLibrary:
                 "make it with `make library` in a folder that `facets export-c` has written"
             ) from None
         self.kind = np.dtype(np.float64 if size == 8 else np.float32)
-        whole = np.dtype(np.int32)
+        int32 = np.dtype(np.int32)
         #: `facets_options` and `facets_solution` of the header.
         self._options = np.dtype(
-            [("mean", self.kind, 3), ("sigma", self.kind, 3), ("max_steps", whole),
-             ("covariance", whole), ("accept_unchecked", whole)], align=True,
+            [("mean", self.kind, 3), ("sigma", self.kind, 3), ("max_steps", int32),
+             ("covariance", int32), ("accept_unchecked", int32)], align=True,
         )  # fmt: skip
         self._solution = np.dtype(
             [("state", self.kind, 8), ("power", self.kind), ("residual", self.kind),
-             ("covariance", self.kind, (8, 8)), ("status", whole), ("steps", whole),
-             ("used", whole, 3)], align=True,
+             ("covariance", self.kind, (8, 8)), ("status", int32), ("steps", int32),
+             ("used", int32, 3)], align=True,
         )  # fmt: skip
 
     def readings(self, states: ArrayLike) -> Floats:
-        """(n, 9) at states (n, 8), as `facets.readings` gives them."""
+        """Return the readings (n, 9) at states (n, 8), as `facets.readings` does."""
         rows = np.ascontiguousarray(as_vectors(states, 8, "states"), self.kind)
         out = np.empty((len(rows), 9), self.kind)
         for state, reading in zip(rows, out, strict=True):
@@ -109,10 +112,10 @@ class FirmwareLibrary:
             solutions["used"] > 0,
         )
 
-    def readings_of_counts(self, counts: ArrayLike, dark: ArrayLike, xy_sum: bool) -> Floats:
-        """Readings (n, 9) of counts (n, 12); dark: (12,)."""
+    def readings_of_counts(self, counts: ArrayLike, dark_counts: ArrayLike, xy_sum: bool) -> Floats:
+        """Convert counts (n, 12) to readings (n, 9).  dark_counts: (12,), without light."""
         rows = np.ascontiguousarray(counts, np.int32)
-        without = np.ascontiguousarray(dark, self.kind)
+        without = np.ascontiguousarray(dark_counts, self.kind)
         out = np.empty((len(rows), 9), self.kind)
         for row, reading in zip(rows, out, strict=True):
             self._code.facets_from_counts(

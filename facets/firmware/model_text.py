@@ -31,8 +31,8 @@ class ModelText(NamedTuple):
     """The C code of a sensor's model.
 
     statements: body of `facets_linearise`.  ends: body of `spot_ends`, which fills ends[3][5] with
-    `footprints`.  functions: text of the functions that these call.  operations: count of the
-    numbers that `facets_linearise` computes.
+    the spots' `footprints`.  functions: text of the functions that both call.  operations: count of
+    the numbers that `facets_linearise` computes.
     """
 
     statements: str
@@ -42,9 +42,9 @@ class ModelText(NamedTuple):
 
 
 def model_text(sensor: Sensor) -> ModelText:
-    """The statements that fill found[10][10] from x[9]: a state (mm, rad) and the power (mW).
+    """Write the statements that fill found[10][10] from x[9]: a state (mm, rad) and the power (mW).
 
-    The first row holds the nine readings, each further row one reading's derivatives.
+    The first row is the nine readings, and each further row the derivatives of one reading.
     """
     writer = CWriter()
     vectors = replace_power(geometry_of(sensor), writer.variable("(facets_real)x[8]"))
@@ -79,8 +79,8 @@ def needs_double(sensor: Sensor) -> bool:
 def linearise_widely(writer: CWriter, vectors: Geometry) -> list[Any]:
     """The readings of each detector in ideal light, and their derivatives by the state.
 
-    The spots' positions are computed in wide numbers: over the detector's distance, single
-    precision would round them by some 50 nm. The light and the derivatives do not need this.
+    The spots' positions are computed in wide numbers, because single precision would round them by
+    some 50 nm at the detector's distance. The light and the derivatives do not need this.
     """
     exact = writer.wide_array("x", 8)
     standing = dark_scene(vectors, exact)
@@ -96,8 +96,10 @@ def linearise_widely(writer: CWriter, vectors: Geometry) -> list[Any]:
 
 
 def linearise_exactly(writer: CWriter, vectors: Geometry, text: ExactText) -> list[Any]:
-    """The readings of each detector in real light, or in light that apertures cut; a loop in C
-    stores the derivatives, one component of the state after the other."""
+    """The readings of each detector in real or cut light.
+
+    A loop in C stores the derivatives by one component of the state after the other.
+    """
     state = writer.array("x", 8)
     at = text.scene(vectors, state)
     with writer.loop(8) as component:

@@ -20,9 +20,10 @@ SEED = 1
 
 
 class TestVectors(NamedTuple):
-    """Readings (n, 9), and the statuses (n,), states and uncertainties (n, 8) of their poses.
+    """Readings with the poses that `facets.solve` finds from them.
 
-    beam_known: (n,) whether the beam's position is known.
+    reading: (n, 9).  beam_known: (n,) whether the beam's position is known.  status: (n,).  state,
+    uncertainty: (n, 8).
     """
 
     reading: Floats
@@ -55,7 +56,10 @@ def sample_states(sensor: Sensor, count: int, rng: np.random.Generator) -> Float
 
 
 def unsolvable_readings(reading: Floats, half: Floats) -> Floats:
-    """Readings (6, 9) that cannot be solved, or only with two detectors."""
+    """Make readings (6, 9) that cannot be solved, or only with two detectors.
+
+    reading: (9,) of a usual pose.  half: (3, 2) half sizes of the detectors, mm.
+    """
     rows = np.tile(reading, (6, 1))
     rows[0] = 0.0
     rows[1, 2::3] *= 1e-9
@@ -87,5 +91,5 @@ def make_vectors(sensor: Sensor) -> TestVectors:
 def solve_readings(sensor: Sensor, rows: Floats, beam: str) -> TestVectors:
     plain = replace(sensor, calibration=None)  # the C code has no uncertainty of the parameters
     poses = solve(plain, rows, beam=beam)  # type: ignore[arg-type]
-    known = np.full(len(rows), beam == "known")
-    return TestVectors(rows, known, poses.status, poses.state, poses.uncertainty)
+    is_known = np.full(len(rows), beam == "known")
+    return TestVectors(rows, is_known, poses.status, poses.state, poses.uncertainty)

@@ -28,7 +28,8 @@ def parameters(sensor: Sensor) -> tuple[float, ...]:
 
 
 def parameter_values(sensor: Any) -> list[Any]:
-    """The parameters as they are: numbers of any kind, of a sensor or an object like it."""
+    """The 30 parameters without conversion, of a sensor or of an object with the same
+    attributes."""
     values = [getattr(sensor.beam, name) for name in BEAM]
     for facet in sensor.facets:
         values += [getattr(facet, name) for name in FACET]
@@ -38,12 +39,15 @@ def parameter_values(sensor: Any) -> list[Any]:
 
 
 def sensor_with(sensor: Sensor, p: Sequence[float]) -> Sensor:
-    """The sensor with other values of its 30 parameters. Raises `InputError` if these are wrong."""
+    """The sensor with other values of its 30 parameters.
+
+    Raises `InputError` if a value is not allowed.
+    """
     values = iter(p)
     beam = replace(sensor.beam, **{name: next(values) for name in BEAM})
     a, b, c = (replace(part, **{name: next(values) for name in FACET}) for part in sensor.facets)
-    stands: list[Any] = [{name: next(values) for name in PSD} for _ in sensor.psds]
-    d, e, f = (replace(part, **new) for part, new in zip(sensor.psds, stands, strict=True))
+    placements: list[Any] = [{name: next(values) for name in PSD} for _ in sensor.psds]
+    d, e, f = (replace(part, **new) for part, new in zip(sensor.psds, placements, strict=True))
     return replace(sensor, beam=beam, facets=(a, b, c), psds=(d, e, f))
 
 
@@ -53,15 +57,14 @@ def geometry_of(sensor: Sensor) -> Geometry:
     return build_geometry(parameters(sensor), openings(sensor), light)
 
 
-#: Distance to the edge of a detector, mm, below which the loss by diffraction is that at this
-#: distance.
+#: Distance to the edge of a detector, mm, below which the loss by diffraction is constant.
 MIN_EDGE_DISTANCE_MM = 0.1
 
 
 def options(sensor: Sensor, profiled: bool = False) -> LightOptions:
     """The options of the light that do not vary, whether or not any effect is on.
 
-    profiled: whether derivatives by the beam's profile are wanted, Gaussian or not.
+    profiled: whether derivatives by the beam's profile are needed, even if it is Gaussian.
     """
     light = sensor.light
     return LightOptions(
@@ -80,17 +83,17 @@ def detector_halves(sensor: Sensor) -> Any:
 
 
 def light_effects(sensor: Sensor, profiled: bool = False) -> LightEffects:
-    """The effects of real light in the form that the optics takes.  profiled: as in `options`."""
+    """The numbers and options of real light for `build_geometry`.  profiled: as in `options`."""
     return LightEffects(light_numbers(sensor), options(sensor, profiled))
 
 
 def light_numbers(sensor: Sensor) -> dict[str, Any]:
-    """The numbers of the bench's light by the fields of `BenchLight`."""
+    """The numbers of the bench's light, by the fields of `BenchLight`."""
     return group_by_field(effects(sensor).tolist())
 
 
 def group_by_field(values: Sequence[Any]) -> dict[str, Any]:
-    """Numbers in the order of `EFFECTS` by the fields of `BenchLight`, each field's as a tuple."""
+    """Group numbers in the order of `EFFECTS` by the fields of `BenchLight`, as tuples."""
     each = iter(values)
     return {
         field: tuple(next(each) for _ in effect.names) for field, effect in LIGHT_EFFECTS.items()
@@ -124,26 +127,28 @@ def replace_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
 
 
 def varying(values: Sequence[float] | Floats, which: Sequence[int]) -> Any:
-    """Numbers, of which some carry their derivatives with respect to these."""
+    """Numbers, some of which carry derivatives with respect to themselves.  which: their places."""
     numbers: list[Any] = [float(value) for value in values]
     for n, seed in zip(which, np.eye(len(which)), strict=True):
         numbers[n] = Dual(numbers[n], seed)
     return tuple(numbers)
 
 
-#: An imaginary step, so small that its square vanishes: the imaginary part is the derivative.
+#: Imaginary step whose square underflows, so that the imaginary part of a result is a derivative.
 STEP = 1e-100
 
 
 def varying_by_steps(values: Sequence[float], which: Sequence[int]) -> Any:
-    """`varying` by complex columns, a third of the time; for formulas that take no angle."""
+    """The numbers of `varying` as complex columns, for formulas without arc tangents; takes a third
+    of the time."""
     numbers: list[Any] = list(values)
     for n, step in zip(which, np.eye(len(which)) * (STEP * 1j), strict=True):
         numbers[n] = numbers[n] + step
     return tuple(numbers)
 
 
-#: The model of cut light includes coating and background, but not their derivatives.
+#: Message for light that is cut: its model includes coating and background, but not their
+#: derivatives.
 CUT_LIGHT = (
     "derivatives by a sensor's parameters are not known where sensor.apertures cut the light and "
     "sensor.light has effects; leave one of the two out to calibrate, or to use a calibration"
@@ -154,30 +159,30 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
     """The derivatives of the readings by the numbers of the bench's light, closed.
 
     state: (..., 8). Returns (..., 9, 36), columns in the order of `EFFECTS`; mm and mW per unit of
-    each number, also for ideal light. names: the columns to compute, since each takes its time; the
-    others are zero. The derivatives by the index of an ideal coating and by the polarisation of
+    each number, also for ideal light.  names: the columns to compute; the others are zero. The
+    derivatives by the index of an ideal coating and by the polarisation of
     unpolarised light are zero. NaN as in `jacobian`. Raises `InputError` for a sensor with
     apertures.
     """
     rows, shape = as_rows(state, 8, "state")
     if sensor.apertures.cut:
         raise InputError(CUT_LIGHT)
-    wanted = [n for n, name in enumerate(EFFECTS) if names is None or name in names]
+    columns = [n for n, name in enumerate(EFFECTS) if names is None or name in names]
     out = np.zeros((len(rows), 9, len(EFFECTS)))
-    if wanted:
-        profiled = any(EFFECTS[n].startswith(("profile.", "asymmetry.")) for n in wanted)
+    if columns:
+        profiled = any(EFFECTS[n].startswith(("profile.", "asymmetry.")) for n in columns)
         plain = light_effects(sensor, profiled)
-        varied = plain._replace(numbers=group_by_field(varying(effects(sensor), wanted)))
+        varied = plain._replace(numbers=group_by_field(varying(effects(sensor), columns)))
         vectors, moved = (
             build_geometry(parameters(sensor), openings(sensor), light) for light in (plain, varied)
         )
-        slopes = packing.pack_slopes(moved, len(wanted))
-        out[:, :, wanted] = slopes_at(ANY_LIGHT, packing.pack(vectors), slopes, rows)
+        slopes = packing.pack_slopes(moved, len(columns))
+        out[:, :, columns] = slopes_at(ANY_LIGHT, packing.pack(vectors), slopes, rows)
     return out.reshape(*shape, 9, len(EFFECTS))
 
 
 def slopes_at(kind: str, packed: Floats, varied: Floats, states: Floats) -> Floats:
-    """The derivatives of the readings at states (n, 8) by m variables, nothing cut: (n, 9, m).
+    """The derivatives of the readings at states (n, 8) by m variables, for uncut light: (n, 9, m).
 
     kind: of light.  packed, varied: as `blocks.slopes` takes them.
     """
@@ -189,18 +194,20 @@ def slopes_at(kind: str, packed: Floats, varied: Floats, states: Floats) -> Floa
 
 
 def openings(sensor: Sensor) -> Openings:
-    """The sensor's apertures in the form that the optics takes."""
-    given = sensor.apertures
-    halves = detector_halves(sensor) if given.detectors else (UNBOUNDED, UNBOUNDED, UNBOUNDED)
-    return Openings(given.cut, 2 * given.beam, given.tip, given.rim, given.gap, halves)
+    """The sensor's apertures for `build_geometry`."""
+    apertures = sensor.apertures
+    halves = detector_halves(sensor) if apertures.detectors else (UNBOUNDED, UNBOUNDED, UNBOUNDED)
+    return Openings(
+        apertures.cut, 2 * apertures.beam, apertures.tip, apertures.rim, apertures.gap, halves
+    )
 
 
 def packed_vectors(sensor: Sensor) -> Floats:
     """The sensor's vectors as one array for the kernels, made once per sensor and process."""
-    known: Floats | None = sensor.__dict__.get("_packed")
-    if known is None:
-        known = sensor.__dict__["_packed"] = packing.pack(geometry_of(sensor))
-    return known
+    packed: Floats | None = sensor.__dict__.get("_packed")
+    if packed is None:
+        packed = sensor.__dict__["_packed"] = packing.pack(geometry_of(sensor))
+    return packed
 
 
 def parameter_slopes(sensor: Sensor, states: Floats, which: Sequence[int]) -> Floats:
@@ -215,8 +222,11 @@ def parameter_slopes(sensor: Sensor, states: Floats, which: Sequence[int]) -> Fl
 
 
 def state_slopes(sensor: Sensor, states: Floats) -> Floats:
-    """The Jacobian at states (n, 8), under real light by the code of `parameter_slopes`, for those
-    who need both: code of its own is faster by less than compiling it takes."""
+    """The Jacobian at states (n, 8), for callers who also need `parameter_slopes`.
+
+    Under real light it uses the same code, because compiling other code takes longer than that
+    code saves.
+    """
     if kind_of(sensor) not in LIT:
         return jacobian(sensor, states)
     slopes = np.eye(8, packing.PACKED + 8, packing.PACKED)
@@ -224,7 +234,7 @@ def state_slopes(sensor: Sensor, states: Floats) -> Floats:
 
 
 def as_vectors(values: ArrayLike, width: int, what: str) -> Floats:
-    """Convert numbers to an (..., width) array, by their names where they have some."""
+    """Convert numbers to an (..., width) array; columns with names are found by these."""
     array = as_floats(values, what, width)
     if array.shape[-1:] != (width,):
         raise InputError(f"{what} has shape {array.shape}; needed: (..., {width})")
@@ -244,7 +254,7 @@ def readings(
     irradiance: Literal["exact", "paper"] = "exact",
     threads: int = 1,
 ) -> Floats:
-    """Compute what the detectors read, exact for collimated light and flat facets.
+    """Compute the detectors' readings, exact for collimated light and flat facets.
 
     Parameters
     ----------
@@ -253,18 +263,18 @@ def readings(
     state
         States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
     irradiance
-        "paper" evaluates Eqs. (7) to (9) as printed, for comparison: Eq. (8) leaves out a cross
-        term and is exact only for a level sub-beam. Slow.
+        "paper" evaluates Eqs. (7) to (9) as printed, for comparison. Eq. (8) omits a cross term and
+        is exact only for a level sub-beam. Slow.
     threads
         Number of threads that share the states; 0 for all cores.
 
     Returns
     -------
     ndarray
-        (..., 9): psi, zeta (mm, detector frame) and power (mW) of A, B and C. The place is where
-        the spot's centroid lies on the detector's plane, also past its edge (see `reaches`). NaN
-        for a detector whose facet is turned past the beam or whose plane its sub-beam never meets,
-        and where the state is not finite.
+        (..., 9): psi, zeta (mm, detector frame) and power (mW) of A, B and C. psi and zeta are the
+        place of the spot's centroid on the detector's plane, also past its edge (see `reaches`).
+        NaN for a detector whose facet is turned past the beam or whose plane its sub-beam never
+        meets, and where the state is not finite.
 
     Notes
     -----
@@ -316,10 +326,10 @@ def evaluate_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> F
 
 
 def evaluate(sensor: Sensor, name: str, states: Floats, threads: int) -> Floats:
-    """Results (n, ...) at states (n, 8).  name: of results, see `kernel_name`."""
+    """Evaluate the model at states (n, 8).  name: of the results (n, ...), see `kernel_name`."""
     vectors, kernel = packed_vectors(sensor), kernel_name(sensor, name)
     out = np.empty((len(states), *blocks.SHAPES[name.removeprefix("approximate_")]))
-    blocks.kernel(kernel)  # Compile once, before threads need it.
+    blocks.kernel(kernel)  # compile before threads need the kernel
     share(lambda part: blocks.run(kernel, vectors, states[part], out[part]), len(states), threads)
     return out
 
@@ -414,12 +424,12 @@ def edge_distance(sensor: Sensor) -> float:
 
 
 def is_near_edge(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
-    """Which spots of readings (..., 9) are nearer to an edge than `edge_distance`: (..., 3).
+    """Whether spots of readings (..., 9) are nearer to an edge than `edge_distance`: (..., 3).
 
-    There light is lost that the model includes only with `Apertures.detectors`. It includes the
-    loss by diffraction only where the light of the mirror's edges, which may fall half a spot
-    beside the spot, is farther than MIN_EDGE_DISTANCE_MM from the detector's edge. False where a
-    detector has no reading.
+    Light that is lost past an edge is in the model only with `Apertures.detectors`. The loss by
+    diffraction is in the model only where the light of the mirror's edges is farther than
+    MIN_EDGE_DISTANCE_MM from the detector's edge. This light may be half a spot's width off the
+    spot. False where a detector has no reading.
     """
     array = np.asarray(reading, dtype=np.float64)
     y, z = half_sizes(sensor).T - edge_distance(sensor)
@@ -428,7 +438,7 @@ def is_near_edge(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
 
 
 def is_on_detector(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
-    """Which spots of given readings (..., 9) lie on their detector's sensitive area: (..., 3)."""
+    """Whether spots of readings (..., 9) lie on their detector's sensitive area: (..., 3)."""
     array = np.asarray(reading, dtype=np.float64)
     y, z = half_sizes(sensor).T
     inside: NDArray[np.bool_] = (np.abs(array[..., 0::3]) <= y) & (np.abs(array[..., 1::3]) <= z)
@@ -436,9 +446,9 @@ def is_on_detector(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
 
 
 def mask_missed_spots(sensor: Sensor, place: ArrayLike, reading: ArrayLike) -> Floats:
-    """Readings (..., 9) with NaN for each detector that its spot misses.
+    """Replace the readings (..., 9) of detectors whose spots miss them by NaN.
 
-    place: (..., 9) readings that say where the spots are, without noise, also past an edge.
+    place: (..., 9) readings without noise, which have the places of spots also past an edge.
     """
     masked = np.array(reading, dtype=np.float64)
     masked[~np.repeat(is_on_detector(sensor, place), 3, axis=-1)] = np.nan
@@ -447,7 +457,7 @@ def mask_missed_spots(sensor: Sensor, place: ArrayLike, reading: ArrayLike) -> F
 
 @check_arguments
 def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
-    """Tell which spots' centroids lie on their detector's sensitive area.
+    """Test whether the spots' centroids lie on their detector's sensitive area.
 
     Parameters
     ----------
@@ -473,7 +483,7 @@ def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
 
 @check_arguments
 def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
-    """Find how far the spots reach, of the light inside the 1/e^2 circle or a smaller aperture.
+    """Compute the ends of the spots of the light inside the 1/e^2 circle or a smaller aperture.
 
     Parameters
     ----------
@@ -487,10 +497,10 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     Returns
     -------
     ndarray
-        (..., 3, 5), mm: least and largest psi, least and largest zeta on each detector's plane
-        (detector frame), and how far from the mirror's axis the light meets the facet at most. NaN
-        where a facet meets no light inside the circle, where it is turned past the beam, and where
-        its sub-beam never meets the detector's plane.
+        (..., 3, 5), mm: lowest and highest psi, lowest and highest zeta on each detector's plane
+        (detector frame), and the largest distance from the mirror's axis at which the light meets
+        the facet. NaN where a facet meets no light inside the circle, where it is turned past the
+        beam, and where its sub-beam never meets the detector's plane.
 
     Examples
     --------
@@ -507,7 +517,7 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
 
 @check_arguments
 def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int = 1) -> Floats:
-    """Measure how far each spot is from each of its limits.
+    """Compute the distance of each spot from each of its limits.
 
     Parameters
     ----------
@@ -516,17 +526,17 @@ def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int =
     state
         States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
     whole
-        True for the whole footprint inside the 1/e^2 circle, False for the centroid.
+        True for the footprint inside the 1/e^2 circle, False for the centroid.
     threads
         Number of threads that share the states; 0 for all cores.
 
     Returns
     -------
     ndarray
-        (..., 3, 5), mm, positive inside: from the edges at -y, +y, -z and +z of detectors A, B, C,
-        and from the mirror's rim, counted square to its axis; infinite where `sensor.apertures`
-        gives no rim. NaN as from `footprints` and `readings`. For a centroid, the rim is that of
-        the whole footprint.
+        (..., 3, 5), mm, positive inside: distances from the edges at -y, +y, -z and +z of detectors
+        A, B, C, and from the mirror's rim, perpendicular to its axis. The latter is infinite where
+        `sensor.apertures` has no rim, and is that of the footprint also with `whole=False`. NaN as
+        from `footprints` and `readings`.
 
     Examples
     --------
@@ -542,7 +552,7 @@ def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int =
 
 
 def centroids_as_ends(reading: Floats) -> Floats:
-    """The ends (..., 3, 4) of spots of no width at the centroids of readings (..., 9)."""
+    """The ends (..., 3, 4) of spots without width at the centroids of readings (..., 9)."""
     places = np.stack([reading[..., 0::3], reading[..., 1::3]], axis=-1)
     ends: Floats = np.repeat(places, 2, axis=-1)
     return ends
@@ -559,9 +569,9 @@ def edge_limits(halves: Floats, rim: float) -> Floats:
 
 
 def edge_distances(ends: Floats, limits: Floats) -> Floats:
-    """`margins` of spots with given ends (..., 3, 5) from `footprints`; mm.
+    """The `margins` of spots, mm.
 
-    limits: (..., 3, 5), of `edge_limits`.
+    ends: (..., 3, 5) from `footprints`.  limits: (..., 3, 5) from `edge_limits`.
     """
     distances: Floats = limits + ends * np.array([1.0, -1.0, 1.0, -1.0, -1.0])
     return distances

@@ -23,7 +23,8 @@ OF_SHAPE = ("beam.diameter_x", "beam.diameter_y", "beam.rotation")
 
 
 def shape_of(diameter_x: float, diameter_y: float, rotation: float) -> tuple[float, float, float]:
-    """(sigma_xx, sigma_yy, sigma_xy) of a beam with 1/e^2 diameters, four sigmas each."""
+    """The covariance (sigma_xx, sigma_yy, sigma_xy) of a beam, whose 1/e^2 diameters are four
+    sigmas each."""
     u, v, c, s = (diameter_x / 4) ** 2, (diameter_y / 4) ** 2, np.cos(rotation), np.sin(rotation)
     return (
         float(u * c * c + v * s * s),
@@ -33,7 +34,7 @@ def shape_of(diameter_x: float, diameter_y: float, rotation: float) -> tuple[flo
 
 
 def axes_of(shape: Floats, near: float = 0.0) -> tuple[float, float, float]:
-    """(diameter_x, diameter_y, rotation) of a shape, the rotation as close to `near` as can be.
+    """The (diameter_x, diameter_y, rotation) of a shape, with the rotation nearest to `near`.
 
     Raises `InputError` where no beam has that shape.
     """
@@ -51,7 +52,7 @@ def axes_of(shape: Floats, near: float = 0.0) -> tuple[float, float, float]:
 
 
 def axes_of_shapes(shapes: Floats, near: float) -> Floats:
-    """`axes_of` shapes (n, 3): (n, 3); NaN where no beam has that shape."""
+    """The results (n, 3) of `axes_of` for shapes (n, 3); NaN where no beam has that shape."""
     xx, yy, xy = shapes.T
     middle, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     is_round = half < 1e-12 * middle
@@ -65,8 +66,10 @@ def axes_of_shapes(shapes: Floats, near: float) -> Floats:
     return np.stack([along, across, turn + quarters * np.pi / 2], axis=1)
 
 
-def shape_derivatives(sensor: Sensor, states: Floats, whole: Floats) -> Floats:
-    """The derivatives by `SHAPE` (n, 9, 3), from those by the 30 parameters.
+def shape_derivatives(sensor: Sensor, states: Floats, slopes: Floats) -> Floats:
+    """The derivatives by `SHAPE` (n, 9, 3).
+
+    slopes: (n, 9, 30) derivatives by the parameters.
 
     In the axes of the ellipse a change of the covariance is a change of two variances and a
     rotation. For a round beam the off-diagonal element is a change of two variances along axes at
@@ -75,10 +78,10 @@ def shape_derivatives(sensor: Sensor, states: Floats, whole: Floats) -> Floats:
     x, y, turn = (PARAMETERS.index(name) for name in OF_SHAPE)
     beam = sensor.beam
     u, v = (beam.diameter_x / 4) ** 2, (beam.diameter_y / 4) ** 2
-    of_u = whole[:, :, x] * beam.diameter_x / (2 * u)
-    of_v = whole[:, :, y] * beam.diameter_y / (2 * v)
+    of_u = slopes[:, :, x] * beam.diameter_x / (2 * u)
+    of_v = slopes[:, :, y] * beam.diameter_y / (2 * v)
     if abs(u - v) > 1e-6 * (u + v):
-        across = whole[:, :, turn] / (u - v)
+        across = slopes[:, :, turn] / (u - v)
     else:
         slanted = replace(sensor, beam=replace(beam, rotation=beam.rotation + np.pi / 4))
         other = parameter_slopes(slanted, states, (x, y))

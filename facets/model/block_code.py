@@ -33,13 +33,13 @@ from .packing import (
     vectors_of,
 )
 
-#: Writes the computation of a block of poses: from the sensor's vectors, with pointers to the input
+#: Writes the computation of a block of poses, from the sensor's vectors and pointers to the input
 #: and the output.
 Formula = Callable[[LaneWriter, Geometry, Any, Any], None]
 
 
-#: Writes a function's instructions with an `llvmlite` builder, from its arguments, by the
-#: `LaneWriter` that its last argument makes of the builder.
+#: Writes a function's instructions with an `llvmlite` builder, from the function's arguments. The
+#: last argument makes a `LaneWriter` for the builder.
 LaneWrite = Callable[[Any, Sequence[Any], Callable[[Any], LaneWriter]], None]
 
 #: Loads a sensor's vectors.
@@ -57,11 +57,11 @@ def each_block(formula: Formula, load: Load, size: int) -> LaneWrite:
         code = begin_code(builder)
         vectors = load(code, packed)
         with code.loop(arguments[3]) as index:
-            here, there = (
+            states_at, results_at = (
                 builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, code.lanes * numbers))])
                 for pointer, numbers in ((states, 8), (results, size))
             )
-            formula(code, vectors, here, there)
+            formula(code, vectors, states_at, results_at)
 
     return write
 
@@ -109,13 +109,13 @@ def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, results: 
     spot."""
     ends: list[Any] = []
     for *edges, out in footprints(complete_light(vectors), tuple(load_rows(code, states, 8, 8))):
-        landed = code.compare("==", edges[0], edges[0])  # Lanes subtract x - x to get zero, or NaN.
+        landed = code.compare("==", edges[0], edges[0])  # in lanes, x - x is zero also for NaN
         ends += [*edges, code.select(landed, out, nan)]
     store_rows(code, ends, results, 15)
 
 
 def text_of(vectors: Geometry) -> ExactText:
-    """The readings with exact derivatives under the light for which vectors were loaded."""
+    """The functions for readings and exact derivatives under the light of these vectors."""
     if is_cut(vectors):
         return CUT_TEXT
     return IDEAL if is_ideal(vectors) else BENCH
@@ -143,9 +143,11 @@ def linearise_exactly(
 
 
 def write_slopes(kind: str) -> LaneWrite:
-    """Write the code of `blocks.slopes`: a function of the addresses of a sensor's vectors, of
-    their derivatives by each variable, of states and results, of the number of variables, and of
-    the number of blocks."""
+    """Write the code of `blocks.slopes` for a kind of light.
+
+    Its arguments are the addresses of a sensor's vectors, of their derivatives by each variable, of
+    states and of results, the number of variables, and the number of blocks.
+    """
 
     def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
         packed, varied, states, results = pointers_to(builder, arguments[:4])
@@ -154,20 +156,20 @@ def write_slopes(kind: str) -> LaneWrite:
         vectors = vectors_of(code, packed, kind)
         with code.loop(arguments[5]) as index:
             rows = builder.mul(index, ir.Constant(LONG, code.lanes))
-            here = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
+            states_at = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
             numbers = builder.mul(copies, ir.Constant(LONG, 9))
-            there = builder.gep(results, [builder.mul(rows, numbers)])
-            state = tuple(load_rows(code, here, 8, 8))
+            results_at = builder.gep(results, [builder.mul(rows, numbers)])
+            state = tuple(load_rows(code, states_at, 8, 8))
             text = text_of(vectors)
             at = text.scene(vectors, state)
-            text.readings(vectors, at)  # The derivatives need many of its numbers.
+            text.readings(vectors, at)  # writes numbers that the derivatives use, too
             with code.loop(copies) as copy:
                 row = builder.gep(varied, [builder.mul(copy, ir.Constant(LONG, PACKED + 8))])
                 moved = carry_slopes(vectors, vectors_of(code, row, kind))
                 turns = tuple(code.load(row, PACKED + n) for n in range(8))
                 turned = carry_slopes(state, turns) if kind == ANY_LIGHT else state
-                found = leaves(text.slopes(moved, turned, at))
-                store_column(code, list(found), there, copy, copies)
+                slopes = leaves(text.slopes(moved, turned, at))
+                store_column(code, list(slopes), results_at, copy, copies)
 
     return write
 

@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from .block_code import LaneWrite
     from .object_code import Write
 
-#: The files from which blocks are made, beside the optics.
+#: The files from which blocks are made, in addition to the optics.
 CODE = tuple(
     Path(__file__).parent / name
     for name in ("blocks.py", "block_code.py", "packing.py", "kinds.py")
 )
 
 
-#: The shape of a kernel's result at a state, by its task.
+#: The shape of a kernel's result at one state, by its task.
 SHAPES = {"readings": (9,), "derivatives": (9, 8), "footprints": (3, 5)}
-#: Number of lanes for one pose at a time: each additional lane takes time.
+#: Number of lanes for one pose at a time; each additional lane takes time.
 SINGLE = 2
 
 
@@ -47,7 +47,8 @@ def lane_code(
 ) -> Callable[..., None]:
     """Compile `object_code.function` for a number of lanes.
 
-    What few lanes need is compiled for `lanes()` alone, also where a single pose calls it.
+    Functions that few lanes need are compiled for `lanes()` lanes only, and are also called by
+    single poses.
     """
     from .object_code import function
 
@@ -76,7 +77,7 @@ def kernel(name: str, width: int | None = None) -> Callable[..., None]:
 
 
 def load_code(name: str, count: int, width: int | None = None) -> Callable[..., None]:
-    """One of `block_code.LOOPS`, which takes `count` integers."""
+    """Load one of `block_code.LOOPS`, a function of `count` integers."""
 
     def make_writer() -> LaneWrite:
         from . import block_code
@@ -96,13 +97,13 @@ def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, out: Floa
     """Fill `out` (n, 9, m) with the derivatives of the readings at states (n, 8) by m parameters
     of a sensor.
 
-    name: of a kernel, "slopes_of_KIND".  varied: (m, ...) derivatives of each number of `vectors`,
-    and of a state, by a parameter; of a state only under real light.
+    name: of a kernel, "slopes_of_KIND".  varied: (m, ...) derivatives of each number of `vectors`
+    by a parameter, and of a state, which are used only under real light.
     """
     code, copies = slopes_kernel(name), out.shape[2]
-    whole, short = divmod(len(states), lanes())
-    if whole:
-        code(*map(address_of, (vectors, varied, states, out)), copies, whole)
+    blocks, short = divmod(len(states), lanes())
+    if blocks:
+        code(*map(address_of, (vectors, varied, states, out)), copies, blocks)
     if short:
         rows = states[np.minimum(np.arange(-short, lanes() - short), -1)]
         last = np.empty((lanes(), *out.shape[1:]))
@@ -132,14 +133,14 @@ class BlockMemory:
         return self.found[task_of(name).removeprefix("approximate_")]
 
     def address_of_vectors(self, vectors: Floats) -> int:
-        """`address_of`, kept for the vectors of the last call."""
+        """The address of the vectors, which is cached for those of the last call."""
         if vectors is not self._vectors:
             self._vectors, self._address = vectors, address_of(vectors)
         return self._address
 
 
 def run_rest(name: str, vectors: Floats, states: Floats, out: Floats) -> None:
-    """Fill `out` for less than a block of states."""
+    """Fill `out` for fewer states than a block has."""
     memory, short = RESTS.take(), len(states)
     memory.rows[:short] = states
     memory.rows[short:] = states[-1]
@@ -160,9 +161,9 @@ def run_one(name: str, vectors: Floats, state: Floats) -> Floats:
 
 def run(name: str, vectors: Floats, states: Floats, out: Floats) -> None:
     """Fill `out` for states (n, 8)."""
-    whole, short = divmod(len(states), lanes())
-    if whole:
-        kernel(name)(*map(address_of, (vectors, states, out)), whole)
+    blocks, short = divmod(len(states), lanes())
+    if blocks:
+        kernel(name)(*map(address_of, (vectors, states, out)), blocks)
     if short:
         run_rest(name, vectors, states[-short:], out[-short:])
 

@@ -1,4 +1,4 @@
-"""The folder of compiled machine code, named after the text that the code is made from."""
+"""The folder of compiled machine code, whose name is a hash of the source text of the code."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 import platformdirs
 
 HERE = Path(__file__).parent
-#: Folders of text that all machine code is made of.
+#: Folders whose files are the source of all machine code.
 TEXT = (HERE.parent / "optics", HERE.parent / "scalars")
 
 
@@ -46,20 +46,20 @@ def code_folder(maker: str, *files: str | Path | None) -> tuple[Path, object]:
         return Path(passing.name), passing
 
 
-_TELLING = threading.Lock()
-_told = False
+_LOG_LOCK = threading.Lock()
+_is_logged = False
 
 
-def tell(passing: object) -> None:
-    """Log, once per process, that code is compiled; without a handler on the standard error.
+def log_compilation(passing: object) -> None:
+    """Log once per process that code is compiled; without a handler, on the standard error.
 
-    passing: from `code_folder`. A worker of `multiprocessing` leaves the message to its parent.
+    passing: from `code_folder`. A worker of `multiprocessing` logs nothing; its parent does.
     """
-    global _told
-    with _TELLING:
-        if _told or parent_process() is not None:
+    global _is_logged
+    with _LOG_LOCK:
+        if _is_logged or parent_process() is not None:
             return
-        _told = True
+        _is_logged = True
     when = "only the first time" if passing is None else "each time: no cache can be written"
     text = f"facets: compiling for this processor (some seconds, {when}) ..."
     logging.getLogger("facets").warning(text)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from ..core.sensor import Sensor
 
-#: The kinds of real light, by whether the coating reflects by incidence, whether the light is
-#: polarised and whether the beam's profile is not Gaussian: each has code without branches.
+#: The kinds of real light, each of which has code without branches. Values: whether the reflectance
+#: depends on the angle of incidence, whether the light is polarised, and whether the beam's profile
+#: is not Gaussian.
 LIT = {
     f"{name}{suffix}": (coated, polarised, profiled)
     for profiled, suffix in ((False, ""), (True, "_profiled"))
@@ -17,26 +18,26 @@ LIT = {
 }
 
 
-#: Light that is any of LIT: one code for derivatives that are compiled for few calls.
+#: Any light of LIT: the kind of derivatives whose code is compiled once for all kinds.
 ANY_LIGHT = "any_light"
-#: The kinds of light that apertures cut, as in LIT: coatings are its only effects; None for ideal
-#: light.
+#: The kinds of light that apertures cut, in the form of LIT; None for ideal light. Coatings are the
+#: only effects of such light.
 CUT = {"cut": None, **{f"cut_{kind}": LIT[kind] for kind in LIT if not LIT[kind][2]}}
 
 
 def kind_of(sensor: Sensor) -> str:
     """The kind of a sensor's light: "plain", or one of LIT or CUT; cached per sensor."""
-    known: str | None = sensor.__dict__.get("_kind")
-    if known is None:
-        known = lit_kind(sensor) if sensor.light.on else "plain"
+    kind: str | None = sensor.__dict__.get("_kind")
+    if kind is None:
+        kind = lit_kind(sensor) if sensor.light.on else "plain"
         if sensor.apertures.cut:
-            known = f"cut_{known}" if sensor.light.on else "cut"
-        sensor.__dict__["_kind"] = known
-    return known
+            kind = f"cut_{kind}" if sensor.light.on else "cut"
+        sensor.__dict__["_kind"] = kind
+    return kind
 
 
 def lit_kind(sensor: Sensor) -> str:
-    """Which of LIT a sensor's light is, whether or not any effect is on."""
+    """The kind of LIT of a sensor's light, whether or not any effect is on."""
     light = sensor.light
     kind = "light"
     if light.index is not None:

@@ -1,8 +1,8 @@
 """Many sensors that differ in their parameters, for compiled code in one call.
 
-The optics makes the sensors' vectors from arrays of parameters, as it makes one sensor's from
-numbers. `evaluate` gives the model of each sensor at its own states, for ideal light that nothing
-cuts, with the same bits as `arrays`; the solver takes `VariedSensors`, one for each reading.
+The optics makes the sensors' vectors from arrays of parameters, by the formulas for one sensor.
+`evaluate` computes the model of each sensor at its own states, for ideal, uncut light, with the
+same bits as `arrays`. The solver takes `VariedSensors`, one for each reading.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Machine code of the optics' text, compiled and stored by llvmlite, and called from Python.
+"""Machine code of the optics, compiled by llvmlite, stored, and called from Python.
 
-Code is compiled for the processor that runs it, or for that of the environment variables
-FACETS_CPU and FACETS_CPU_FEATURES.
+Code is compiled for this processor, or for the processor of the environment variables FACETS_CPU
+and FACETS_CPU_FEATURES.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import llvmlite.binding as llvm
 
 from ..core.errors import OutputError
 from ..files.whole import Whole
-from .code_folder import code_folder, tell
+from .code_folder import code_folder, log_compilation
 
 #: Writes a function's instructions with an `llvmlite` builder, from its arguments.
 Write = Callable[[Any, Sequence[Any]], None]
@@ -39,7 +39,7 @@ ADDITION = """define void @add(<8 x double>* %place) {
     store <8 x double> %sums, <8 x double>* %place
     ret void
 }"""
-#: A lock for each object, so that threads compile different ones at once, and none twice.
+#: A lock for each object, so that threads compile different objects at once, and none twice.
 _LOCKS: dict[str, threading.Lock] = {}
 
 
@@ -49,7 +49,8 @@ def function(
     """Return a function of `count` 64-bit integers, compiled if it is not stored.
 
     write: returns the writer of the code; only called to compile.  files: the files from which the
-    code is made, beside the optics and the scalars. The interpreter's lock is released.
+    code is made, in addition to the optics and the scalars. The function releases the interpreter's
+    lock.
     """
     objects, passing = make_objects(name, count, write, *files)
     engine = load_objects(objects)
@@ -61,14 +62,14 @@ def function(
 def make_objects(
     name: str, count: int, write: Callable[[], Write], *files: str | Path | None
 ) -> tuple[Objects, object]:
-    """A function's object and those of the functions that it calls, and what `code_folder` gives
-    with the folder."""
+    """The objects of a function and of the functions that it calls, and the owner of a temporary
+    folder from `code_folder`."""
     folder, passing = code_folder(MAKER, __file__, *files)
     path = path_of(name, folder)
     with _LOCKS.setdefault(str(path), threading.Lock()):
         objects = read(path)
         if objects is None:
-            tell(passing)
+            log_compilation(passing)
             with collector_off():
                 objects = compile_objects(name, module_of(name, count, write()))
             keep(path, objects)
@@ -77,7 +78,7 @@ def make_objects(
 
 @contextlib.contextmanager
 def collector_off() -> Iterator[None]:
-    """Switch Python's garbage collector off, which takes a tenth of the time of compiling."""
+    """Switch Python's garbage collector off, which saves a tenth of the time of compiling."""
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -104,8 +105,10 @@ def processor() -> tuple[str, str, str]:
 
 @cache
 def vector_bits() -> int:
-    """The width of the registers in which LLVM adds numbers: 512, 256 or 128 bits, from the code of
-    an addition of eight."""
+    """The width of the registers in which LLVM adds numbers: 512, 256 or 128 bits.
+
+    It is found from the code for the addition of eight numbers.
+    """
     machine = new_machine()
     module = llvm.parse_assembly(ADDITION)
     module.triple = machine.triple
@@ -116,7 +119,7 @@ def vector_bits() -> int:
 def host_features() -> str:
     try:
         return llvm.get_host_cpu_features().flatten()  # type: ignore[no-any-return]
-    except RuntimeError:  # If LLVM cannot tell the features: those that belong to the name.
+    except RuntimeError:  # LLVM does not know the features: use those of the name
         return ""
 
 
@@ -133,8 +136,10 @@ def new_machine() -> Any:
 
 
 def compile_objects(name: str, module: Any) -> Objects:
-    """The object of a module with a function, and those of the functions that it calls, each of
-    which is stored for all that call it."""
+    """Compile a module with a function, and the functions that it calls.
+
+    The object of a called function is stored for all callers.
+    """
     from ..scalars.lanes import CALLED, write_callee
 
     machine = new_machine()

@@ -28,14 +28,14 @@ def pack(vectors: Geometry) -> np.ndarray:
 
 
 def row_size(kind: str) -> int:
-    """The number of numbers in a row of `pack_rows` for a kind of light: "plain", or one of LIT."""
+    """The length of a row of `pack_rows` for a kind of light: "plain", or one of LIT."""
     return PACKED if kind in LIT else len(list(leaves(PLAIN[:-2])))
 
 
 def pack_rows(vectors: Geometry, count: int, width: int = PACKED) -> np.ndarray:
     """The first `width` numbers of `pack` for several sensors, in rows (count, width).
 
-    vectors: of numbers that all sensors have in common, and of columns with one for each.
+    vectors: with numbers that all sensors share, and columns with one number for each sensor.
     """
     rows = np.empty((count, width))
     for n, number in zip(range(width), leaves(vectors), strict=False):
@@ -45,10 +45,11 @@ def pack_rows(vectors: Geometry, count: int, width: int = PACKED) -> np.ndarray:
 
 
 def pack_slopes(vectors: Geometry, count: int) -> np.ndarray:
-    """Pack the derivatives of a sensor's vectors by some variables: (count, ...), each row like
-    `pack`, and eight zeros for those of a state.
+    """Pack the derivatives of a sensor's vectors by some variables: (count, ...).
 
-    vectors: of floats, and of `Dual` or complex columns, which carry derivatives.
+    Each row is like that of `pack`, with eight more zeros for the derivatives of a state.
+
+    vectors: with floats, and with `Dual` numbers or complex columns, which carry derivatives.
     """
     slopes = np.zeros((count, PACKED + 8))
     for n, number in enumerate(leaves(vectors)):
@@ -58,19 +59,19 @@ def pack_slopes(vectors: Geometry, count: int) -> np.ndarray:
 
 
 def vectors_of(writer: Any, pointer: Any, kind: str) -> Geometry:
-    """The vectors in memory (`vectors_at`) that formulas for a kind of light take: "plain",
-    ANY_LIGHT, whose options are in memory, too, or one of LIT or CUT."""
+    """The vectors in memory (`vectors_at`) for the formulas of a kind of light: "plain", one of LIT
+    or CUT, or ANY_LIGHT, whose options are in memory, too."""
     if kind == "plain":
         return vectors_at(writer, pointer, PLAIN)  # type: ignore[no-any-return]
     if kind == "cut":
         return vectors_at(writer, pointer, PARALLEL)  # type: ignore[no-any-return]
-    whole = vectors_at(writer, pointer, EXAMPLE)
+    example = vectors_at(writer, pointer, EXAMPLE)
     flags: Any = {**LIT, **CUT}.get(kind)
-    coated, polarised, profiled = flags or (flag > 0 for flag in whole.light.options[1:4])
-    options = whole.light.options._replace(
+    coated, polarised, profiled = flags or (flag > 0 for flag in example.light.options[1:4])
+    options = example.light.options._replace(
         on=True, coated=coated, polarised=polarised, profiled=profiled
     )
-    vectors = whole._replace(light=whole.light._replace(options=options))
+    vectors = example._replace(light=example.light._replace(options=options))
     return vectors if kind in CUT else vectors._replace(openings=None)  # type: ignore[no-any-return]
 
 
@@ -85,12 +86,12 @@ def is_ideal(vectors: Any) -> bool:
 
 
 def complete_light(vectors: Any) -> Any:
-    """The vectors with their light, for formulas of any light; ideal light is not in memory."""
+    """Add ideal light, which is not in memory, to vectors without light."""
     return vectors._replace(light=IDEAL) if is_ideal(vectors) else vectors
 
 
 def carry_slopes(values: Any, slopes: Any) -> Any:
-    """Give vectors their derivatives; numbers that are always plain stay so."""
+    """Combine vectors with their derivatives; options and openings have none."""
     if isinstance(values, LightOptions | Openings) or values is None:
         return values
     if not isinstance(values, tuple):

@@ -1,4 +1,4 @@
-"""Share rows among threads, and give each thread its own memory.
+"""Sharing of rows among threads, and memory for one call at a time.
 
 Compiled kernels release the interpreter's lock.
 """
@@ -18,11 +18,11 @@ T = TypeVar("T")
 
 
 class Pool(Generic[T]):
-    """Memory that compiled code works in, each piece for one call at a time.
+    """Pieces of memory for compiled code, each used by one call at a time.
 
-    A call takes a piece out and puts it back, or drops it if it fails. Both are single steps of the
-    interpreter, so that no two calls share a piece: neither two threads, nor a signal's handler and
-    the code that it interrupts, nor a forked process.
+    A call takes a piece and puts it back, or drops it if the call fails. Both are single steps of
+    the interpreter, so that no two calls use the same piece: neither two threads, nor a signal's
+    handler and the code that it interrupts, nor a forked process.
     """
 
     def __init__(self, make: Callable[[], T]) -> None:
@@ -38,26 +38,26 @@ class Pool(Generic[T]):
 
 
 def once(make: Callable[..., T]) -> Callable[..., T]:
-    """Cache `make` by its arguments, and let other threads wait while one computes a result.
+    """Cache `make` by its arguments; other threads wait while one thread computes a result.
 
-    `functools.cache` would let each thread compute its own.
+    With `functools.cache`, each thread would compute its own result.
     """
-    kept: dict[tuple[Any, ...], T] = {}
+    results: dict[tuple[Any, ...], T] = {}
     locks: dict[tuple[Any, ...], Any] = {}
 
     @cache
     @wraps(make)
     def call(*arguments: Any) -> T:
         with locks.setdefault(arguments, threading.RLock()):
-            if arguments not in kept:
-                kept[arguments] = make(*arguments)
-            return kept[arguments]
+            if arguments not in results:
+                results[arguments] = make(*arguments)
+            return results[arguments]
 
     return call
 
 
-#: Fewest rows of a thread: poses of 12 ms. A thread takes 0.3 ms more of processor time, and gains
-#: nothing while other programs use the cores.
+#: Smallest number of rows for a thread, which are poses of 12 ms. A thread costs 0.3 ms of
+#: processor time, and brings no gain while other programs use the cores.
 MIN_ROWS_PER_THREAD = 50_000
 
 
@@ -85,6 +85,6 @@ def share(run: Callable[[slice], Any], rows: int, threads: int) -> None:
 
 
 def part_of(array: Any, part: Any, rows: int) -> Any:
-    """The given rows of an array with one row per sample; an array that all samples share
-    unchanged."""
+    """The rows `part` of an array with one row per sample; other arrays, which all samples share,
+    are returned unchanged."""
     return array[part] if len(array) == rows else array

@@ -1,10 +1,10 @@
 """Effects of the facets' edges on the light: diffraction, roll-off and lost strips.
 
-The effects are proportional to the light along the edge (`EdgeStep`). Diffraction spreads this
-light across the edge: the fraction per mm at the distance s from its landing point is a / s^2,
-where a = wavelength x path x light / 4 pi^2 (Fresnel's far field of an edge). Light beyond the
-detector's sensitive area is lost. Light inside it moves the centroid where the area's ends are at
-different distances:
+The effects are proportional to the light along the edge (`EdgeStep`), which diffraction spreads
+across the edge. At the distance s from its landing point, the fraction per mm is a / s^2 (Fresnel's
+far field of an edge), with a = wavelength x path x light / 4 pi^2. Light beyond the detector's
+sensitive area is lost. Light inside it moves the centroid where the area's ends are at different
+distances:
 
     dP = -sum a (1/S+ + 1/S-)
     c' = c - sum a [(x_e - c)(1/S+ + 1/S-) + v ln(S-/S+)] / (P + dP)

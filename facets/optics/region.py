@@ -116,7 +116,8 @@ def span(low: Number, high: Number, d: Number, rim: Number) -> tuple[Any, Any, A
     """The integrals along a side from low to high.
 
     These are the mass that it sweeps over, the excess of f along it over the density on the disc's
-    rim, and the fraction of a turn that it subtends; then the moments of f of order 0, 1 and 2.
+    rim, and the fraction of a turn that it subtends. The last three are the moments of f of order
+    0, 1 and 2.
 
     d: the side's distance.  rim: exp(-radius^2 / 2).
     """

@@ -1,11 +1,11 @@
 """Elementary functions for every number type that the optics is run with.
 
 The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
-They then run as plain floats, as numbers that write code (`tracing`), and in high precision
-(mpmath); what is only geometry runs on arrays and as rigorous intervals (`intervals`), too. A
-formula holds no decimal literal, because a rounded constant would spoil a 40-digit run.
+They run with floats, with numbers that write code (`tracing`), and in high precision (mpmath).
+Formulas of pure geometry also run with arrays and with rigorous intervals (`intervals`). A formula
+contains no decimal literal, because a rounded constant would limit the accuracy of a 40-digit run.
 
-A derivative is carried along by `dual.Dual`, over numbers of these kinds.
+`dual.Dual` adds a derivative to a number of any of these kinds.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def is_float(x: Number) -> bool:
 
 
 def has_more_digits(x: Number) -> bool:
-    """Whether numbers of this type have more digits than floats, the digits of the polynomials."""
+    """Whether numbers of this type have more digits than floats, for which polynomials are made."""
     return hasattr(x, "context")
 
 
@@ -70,7 +70,8 @@ def cos(x: Number) -> Number:
 
 
 def turn_together(*angles: Number) -> None:
-    """Announce angles whose sine and cosine follow, so that code tests once if any is large."""
+    """Announce angles whose sines and cosines are needed next, so that code tests once whether any
+    angle is large."""
     for angle in angles:
         if hasattr(angle, "writer"):
             angle.writer.turn_together(*angles)
@@ -90,12 +91,12 @@ def atan2(y: Number, x: Number) -> Number:
 
 
 def real(x: Number) -> Number:
-    """The value of a number, without the derivative that it may carry along."""
+    """The value of a number, without its derivative."""
     return x.real if is_dual(x) else x
 
 
 def maximum(a: Number, b: Number) -> Number:
-    """The larger of two numbers, with the derivative that it carries."""
+    """The larger of two numbers, with its derivative."""
     first, second = real(a), real(b)
     code = first if hasattr(first, "writer") else second
     if hasattr(code, "writer"):
@@ -104,7 +105,7 @@ def maximum(a: Number, b: Number) -> Number:
 
 
 def select(condition: Any, a: Number, b: Number) -> Number:
-    """`a` where the condition holds, else `b`."""
+    """Return `a` where the condition holds, else `b`."""
     if hasattr(condition, "writer"):
         return condition.writer.select(condition, a, b)
     if isinstance(condition, numpy.ndarray):
@@ -113,7 +114,7 @@ def select(condition: Any, a: Number, b: Number) -> Number:
 
 
 def select_each(condition: Any, a: Any, b: Any) -> Any:
-    """Apply `select` to each of the numbers in tuples that are nested alike."""
+    """Apply `select` to each of the numbers in two tuples of equal nesting."""
     pairs = zip(leaves(a), leaves(b), strict=True)
     return nest(a, (select(condition, *pair) for pair in pairs))
 
@@ -124,9 +125,10 @@ def round_product(x: Number) -> Number:
 
 
 def where_any(condition: Any, other: Any, function: Callable[..., Any], *arguments: Any) -> Any:
-    """`function(*arguments)` where the condition holds, else `other`, which is nested alike.
+    """Return `function(*arguments)` where the condition holds, else `other`.
 
-    Code for several poses runs the function only where one of them needs it.
+    Both have the same nesting. Code for several poses calls the function only if one of them needs
+    it.
     """
     if hasattr(condition, "writer"):
         return condition.writer.where_any(condition, other, function, *arguments)
@@ -139,14 +141,14 @@ def where_each(
     function: Callable[..., Any],
     arguments: tuple[tuple[Any, ...], ...],
 ) -> tuple[Any, ...]:
-    """`where_any` of each condition, with its other numbers and its arguments.
+    """Apply `where_any` to each condition, with its other numbers and its arguments.
 
-    Code for several poses looks once whether any of the conditions holds for one of them.
+    Code for several poses tests once whether any of the conditions holds for any pose.
     """
 
     def compute() -> tuple[Any, ...]:
         each = zip(conditions, others, arguments, strict=True)
-        return tuple(where_any(when, other, function, *given) for when, other, given in each)
+        return tuple(where_any(when, other, function, *inputs) for when, other, inputs in each)
 
     if hasattr(conditions[0], "writer"):
         return conditions[0].writer.branch_once(conditions, others, compute)  # type: ignore[no-any-return]
@@ -165,7 +167,7 @@ def sum_over(
 
 
 def holds_anywhere(condition: Any) -> bool:
-    """Whether a condition holds; of an array, for any of its numbers; of code, whether it may."""
+    """Whether a condition holds: in an array for any of its elements; in code always."""
     if hasattr(condition, "writer"):
         return True
     return bool(condition.any() if isinstance(condition, numpy.ndarray) else condition)
@@ -177,12 +179,13 @@ def pi(like: Number) -> Number:
 
 
 def integral(integrand: Callable[[Number], Number], like: Number) -> Number:
-    """The integral over 0..1 in the precision of `like`; for floats the optics has faster ways."""
+    """The integral over 0..1 in the precision of `like`, which is not for floats, where the optics
+    has faster ways."""
     return library(like).quad(integrand, [0, 1])
 
 
 def nan_unless_positive(value: Number, a: Number, b: Number, c: Number) -> Number:
-    """`value` where a, b and c are above zero, else NaN."""
+    """Return `value` where a, b and c are above zero, else NaN."""
     first = real(a)
     if hasattr(first, "writer"):
         return first.library.nan_unless_positive(value, first, real(b), real(c))

@@ -1,7 +1,8 @@
-"""Numbers with a value and a derivative by any variables.
+"""Numbers with a value and a derivative, for forward differentiation.
 
-They work over scalars of any kind: floats, with an array of slopes by many variables at once, and
-numbers that write machine code. A slope that is the plain number 0 remains 0, and costs nothing.
+The two parts are scalars of any kind: floats, of which the derivative may be an array by several
+variables, or numbers that write machine code. A slope that is the float 0 remains 0 without any
+computation.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Rigorous intervals of python-flint (Arb), for the optics' formulas and for proofs.
 
-Every result contains the true value, rounding included. A sum or a product of wide intervals is
-wider than necessary if a quantity occurs twice; that costs sharpness, never truth.
+Every result contains the true value, also with rounding errors. A sum or a product of wide
+intervals is wider than necessary if a quantity occurs twice. The result is then less sharp, but
+still true.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Elementary functions of numbers in lanes, from additions, multiplications and divisions alone."""
+"""Elementary functions of numbers in lanes by additions, multiplications and divisions only."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from .tracing import Condition, Value
 
 LONG = ir.IntType(64)
 
-#: Above an eighth of a half-turn, the arc tangent follows from that of the complement.
+#: Tangents of pi / 8 and 3 pi / 8: above each, the arc tangent is found from another angle.
 TAN_1, TAN_3 = math.sqrt(2) - 1, math.sqrt(2) + 1
-#: Number of bits of a double's mantissa, and the least double with a full mantissa.
+#: Number of bits of a double's mantissa, and the smallest double with a full mantissa.
 MANTISSA_BITS, SMALLEST = 52, 2.0**-1022
 BITS_OF_ROOT_OF_HALF = int.from_bytes(struct.pack("<d", math.sqrt(0.5)), "little")
 #: The logarithm of 2, as a number with 21 zero bits at its end, whose products with exponents are
 #: exact, and the remainder.
 LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10
-#: The series of the exponential function, to all digits for half of ln 2; below the least exponent
-#: it is 0.
+#: The series of the exponential function, accurate to all digits up to half of ln 2; the exponent
+#: below which the function is 0.
 EXPONENTIAL_SERIES = tuple(1 / math.factorial(n) for n in range(14))
-LEAST_EXPONENT = -700.0
+MIN_EXPONENT = -700.0
 
 
-#: A quarter turn in three parts, of which the first two end in zero bits: their products with whole
-#: numbers are exact.
+#: A quarter turn as the sum of three parts. The first two end in zero bits, so that their products
+#: with integers are exact.
 QUARTERS = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
-#: Added to a number, it leaves the whole number that is nearest in the last bits.
+#: The sum of this and a number has the nearest integer in its last bits.
 ROUNDING = 1.5 * 2.0**52
 
 
@@ -44,20 +44,20 @@ def cosine(x: Value) -> Value:
 
 
 def turn(x: Value) -> Any:
-    """Sine and cosine, which `turns` has written together."""
+    """Sine and cosine of an angle, which are written together by `turns`."""
     x.writer.turn_together(x)
     return x.writer.once(("turn", x), turns, (x,))
 
 
 def turns(angles: tuple[Value, ...]) -> tuple[Any, ...]:
-    """Sine and cosine of each angle; one of more than a radian takes a function."""
+    """Sine and cosine of each angle; angles of more than a radian call a function."""
     usual = tuple((polynomials.sine(x), polynomials.cosine(x)) for x in angles)
     large = tuple(abs(x) > 1 for x in angles)
     return dispatch.where_each(large, usual, reduced_turn, tuple((x,) for x in angles))
 
 
 def reduced_turn(x: Value) -> Any:
-    """Sine and cosine of larger angles, from the rest to whole quarter turns."""
+    """Sine and cosine of a larger angle, from its difference to a multiple of a quarter turn."""
     code = x.writer
     quarters, bits = nearest_whole(x * (2 / math.pi))
     rest = x
@@ -66,26 +66,26 @@ def reduced_turn(x: Value) -> Any:
     sine, cosine = polynomials.sine(rest), polynomials.cosine(rest)
     odd = has_bit(code, bits, 1)
     sine, cosine = code.select(odd, cosine, sine), code.select(odd, sine, cosine)
-    back, left = has_bit(code, bits, 2), has_bit(code, bits, 2, 1)
-    return code.select(back, -sine, sine), code.select(left, -cosine, cosine)
+    back, in_left_half = has_bit(code, bits, 2), has_bit(code, bits, 2, 1)
+    return code.select(back, -sine, sine), code.select(in_left_half, -cosine, cosine)
 
 
 def nearest_whole(x: Value) -> tuple[Value, Any]:
-    """The nearest whole number, and an integer vector with its last bits."""
+    """The nearest integer as a number, and a vector of integers with its last bits."""
     scaled = x + ROUNDING
     bits = x.writer.builder.bitcast(scaled.ir, ir.VectorType(LONG, x.writer.lanes))
     return scaled - ROUNDING, bits
 
 
 def has_bit(code: Any, bits: Any, bit: int, more: int = 0) -> Condition:
-    """Whether, in each lane, an integer plus `more` has a bit."""
+    """Whether, in each lane, an integer plus `more` has a certain bit set."""
     added = code.builder.add(bits, integers(code, more))
     masked = code.builder.and_(added, integers(code, bit))
     return Condition(code, code.builder.icmp_signed("!=", masked, integers(code, 0)))
 
 
 def integers(code: Any, number: int) -> Any:
-    """A whole number in each lane."""
+    """A constant integer in each lane."""
     return ir.Constant(ir.VectorType(LONG, code.lanes), [number] * code.lanes)
 
 
@@ -96,9 +96,9 @@ def exponential(x: Value) -> Value:
     rest = (x - e * LN2_HIGH) - e * LN2_LOW
     power = code.builder.shl(bits, integers(code, MANTISSA_BITS))
     part = polynomials.polynomial(rest, EXPONENTIAL_SERIES)
-    whole = code.builder.bitcast(part.ir, power.type)
-    result = Value(code, code.builder.bitcast(code.builder.add(whole, power), code.kind))
-    return code.select(x < LEAST_EXPONENT, 0.0, result)  # type: ignore[no-any-return]
+    mantissa = code.builder.bitcast(part.ir, power.type)
+    result = Value(code, code.builder.bitcast(code.builder.add(mantissa, power), code.kind))
+    return code.select(x < MIN_EXPONENT, 0.0, result)  # type: ignore[no-any-return]
 
 
 def logarithm(x: Value) -> Value:
@@ -129,7 +129,7 @@ def arc_tangent(y: Value, x: Value) -> Value:
     return code.select(y < 0, -angle, angle)  # type: ignore[no-any-return]
 
 
-#: The functions that are no instructions of a processor, by their names in `math`.
+#: The functions for which processors have no instruction, by their names in `math`.
 FUNCTIONS: dict[str, Callable[..., Value]] = {
     "sin": sine,
     "cos": cosine,

@@ -1,6 +1,6 @@
-"""Numbers of several poses in rows of memory, a row for each lane.
+"""Numbers of several poses in rows of memory, one row for each lane.
 
-The rows of one lane's numbers are read and written as vectors, and transposed in registers.
+Rows are read and written as vectors, and transposed in registers.
 """
 
 from __future__ import annotations
@@ -42,8 +42,10 @@ def join(builder: Any, vectors: list[Any]) -> Any:
 
 
 def load_rows(code: LaneWriter, pointer: Any, stride: Any, count: int) -> list[Value]:
-    """Load `count` numbers of each lane, whose rows are `stride` numbers apart; an integer, or
-    a number of the generated code."""
+    """Load `count` numbers of each lane.
+
+    stride: distance of the lanes' rows, in numbers; an integer, or one of the generated code.
+    """
     columns: list[Value] = []
     for first, size in squares(code.lanes, count):
         rows = [
@@ -59,7 +61,7 @@ def load_rows(code: LaneWriter, pointer: Any, stride: Any, count: int) -> list[V
 
 
 def squares(lanes: int, count: int) -> Iterator[tuple[int, int]]:
-    """Divide columns into squares of memory: the first column, and the number of columns."""
+    """Divide columns into square blocks; yields the first column and the number of columns."""
     first, size = 0, lanes
     while first < count:
         while size > count - first:
@@ -93,7 +95,7 @@ def row_vector(builder: Any, pointer: Any, stride: Any, lane: int, column: int, 
 def store_rows(
     code: LaneWriter, numbers: Sequence[Value | float], pointer: Any, stride: Any
 ) -> None:
-    """Store numbers of each lane in rows that are `stride` numbers apart, as in `load_rows`."""
+    """Store numbers of each lane in a row of its own.  stride: as in `load_rows`."""
     vectors = [code.value(number) for number in numbers]
     for first, size in squares(code.lanes, len(vectors)):
         some = vectors[first : first + size]

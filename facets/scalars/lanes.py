@@ -1,11 +1,11 @@
 """Numbers of several poses that write machine code, whose instructions work on all poses at once.
 
-A `LaneWriter` runs the optics' formulas once (`tracing`); they are not parsed, typed or inlined,
+A `LaneWriter` runs the optics' formulas once (`tracing`). They are not parsed, typed or inlined,
 which takes a compiler for Python ten times as long. Its numbers are LLVM's vectors with a lane for
-each pose. There are no branches: both alternatives are computed, and each lane selects its own;
-what few poses need is a function, which is called where any lane needs it (`where_any`). The
-result of a lane depends on no other lane, and on no processor: the code uses only additions,
-multiplications, divisions and roots, each rounded by IEEE 754.
+each pose. There are no branches: both alternatives are computed, and each lane selects one of them.
+Formulas that few poses need are functions, which are called if any lane needs them (`where_any`).
+The result of a lane does not depend on other lanes or on the processor, because the code uses only
+additions, multiplications, divisions and roots, each rounded by IEEE 754.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DOUBLE = ir.DoubleType()
 LONG = ir.IntType(64)
 SHORT = ir.IntType(32)
 BIT = ir.IntType(1)
-#: The names that LLVM's builder has for the operations.
+#: The names of the operations in LLVM's builder.
 INSTRUCTIONS = {
     "add": "fadd",
     "subtract": "fsub",
@@ -36,28 +36,29 @@ INSTRUCTIONS = {
     "divide": "fdiv",
     "negative": "fneg",
 }
-#: The functions that processors have.
+#: The functions for which processors have instructions.
 INTRINSICS = ("sqrt", "fabs")
 CONNECTIVES = {"and": "and_", "or": "or_", "not": "not_"}
-#: The functions that code calls where a lane needs them, by the names of their code: each with
-#: arguments that are nested like its own, and the number of lanes.
+#: The functions that code calls if a lane needs them, by the names of their code: each with an
+#: example of its arguments and the number of lanes.
 CALLED: dict[str, tuple[Callable[..., Any], Numbers, int]] = {}
 
 
 class Repetition:
     """A loop of `do_while`.
 
-    first: a bit, set in the first round.  again: a bit, set within the loop, that repeats it.
+    first: a bit that is 1 in the first round.  repeats: a bit that the loop's body sets to repeat
+    the loop.
     """
 
     first: Any = None
-    again: Any = None
+    repeats: Any = None
 
 
 def shuffle(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
     """Select numbers by their places in the concatenation of two vectors."""
-    wanted = list(places)
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(SHORT, len(wanted)), wanted))
+    indices = list(places)
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(SHORT, len(indices)), indices))
 
 
 def splat(builder: Any, number: Any, kind: Any) -> Any:
@@ -70,19 +71,19 @@ def place_table(builder: Any, table: Sequence[Sequence[float]]) -> Any:
     """A table's numbers in the module's memory, row by row."""
     numbers = [float(number) for row in table for number in row]
     name, kind = f"table_{id(table)}", ir.ArrayType(DOUBLE, len(numbers))
-    known = builder.module.globals.get(name)
-    if known is None:
-        known = ir.GlobalVariable(builder.module, kind, name)
-        known.linkage, known.global_constant = "internal", True
-        known.initializer = ir.Constant(kind, numbers)
-    return builder.bitcast(known, ir.PointerType(DOUBLE))
+    variable = builder.module.globals.get(name)
+    if variable is None:
+        variable = ir.GlobalVariable(builder.module, kind, name)
+        variable.linkage, variable.global_constant = "internal", True
+        variable.initializer = ir.Constant(kind, numbers)
+    return builder.bitcast(variable, ir.PointerType(DOUBLE))
 
 
 class LaneWriter(Tracer):
     """Writes LLVM's code for several poses at once.
 
-    lanes: number of poses.  called_lanes: number of lanes of the functions that are called where a
-    lane needs them, `lanes` unless given.
+    lanes: number of poses.  called_lanes: number of lanes of the called functions; `lanes` by
+    default.
     """
 
     shares_reciprocals = True
@@ -102,7 +103,8 @@ class LaneWriter(Tracer):
         return ir.Constant(self.kind, [float(number)] * self.lanes)
 
     def write(self, operation: str, *operands: Value | float) -> Value:
-        """A sum with a product is rounded once, on every processor: decision 13."""
+        """Write an operation; a sum with a product is rounded once, on every processor: decision
+        13."""
         if operation in ("add", "subtract"):
             for part, other in (operands, operands[::-1]):
                 if part in self._factors:
@@ -117,7 +119,7 @@ class LaneWriter(Tracer):
         return value
 
     def round_product(self, x: Value) -> Value:
-        """See `dispatch.round_product`: a number of which no factors are known."""
+        """See `dispatch.round_product`: the same number without its factors."""
         return Value(self, x.ir)
 
     def same(self, truth: Any) -> Condition:
@@ -148,8 +150,10 @@ class LaneWriter(Tracer):
     @contextmanager
     def loop(self, count: Any) -> Iterator[Any]:
         """Write a loop whose body runs for each 64-bit number below `count`, which the context
-        yields: values from before it are known within it, and values from within it are not known
-        after it."""
+        yields.
+
+        Values from before the loop may be used within it; values from within it, not after it.
+        """
         build = self.builder
         with build.goto_entry_block():
             place = build.alloca(LONG)
@@ -168,8 +172,8 @@ class LaneWriter(Tracer):
 
     @contextmanager
     def do_while(self) -> Iterator[Repetition]:
-        """Write a loop whose body runs once, and again while `again` is true, with the same known
-        values as in `loop`."""
+        """Write a loop whose body runs once, and again while `repeats` is 1; see `loop` for
+        values."""
         build, repetition = self.builder, Repetition()
         before, body = build.block, build.append_basic_block("body")
         build.branch(body)
@@ -180,20 +184,22 @@ class LaneWriter(Tracer):
             yield repetition
         repetition.first.add_incoming(BIT(0), build.block)
         after = build.append_basic_block("after")
-        build.cbranch(repetition.again, body, after)
+        build.cbranch(repetition.repeats, body, after)
         build.position_at_end(after)
 
     def compute_unless(
-        self, known: Any, compute: Callable[[], Numbers], side: Any, most: int
+        self, is_known: Any, compute: Callable[[], Numbers], side: Any, most: int
     ) -> Numbers:
-        """Write what `compute` writes, to run unless a bit is set; then its numbers are those that
-        the last run with this `side` left in memory.
+        """Write the code of `compute` so that it runs unless a bit is set.
 
-        side: a bit, for two memories of `most` numbers.  Products stay products, which sums fuse.
+        If the bit is set, the numbers of the last run are loaded from memory. Products remain
+        products, which sums fuse.
+
+        is_known: the bit.  side: a bit that selects one of two memories of `most` numbers.
         """
         build, memory = self.builder, LaneMemory(self, 2 * most)
         place = build.select(side, ir.Constant(LONG, most), ir.Constant(LONG, 0))
-        with build.if_then(build.not_(known), likely=True), self.scope():
+        with build.if_then(build.not_(is_known), likely=True), self.scope():
             results = compute()
             parts = [self._factors.get(number, (number,)) for number in leaves(results)]
             numbers = [each for part in parts for each in part if isinstance(each, Value)]
@@ -201,10 +207,10 @@ class LaneWriter(Tracer):
             for n, number in enumerate(numbers):
                 memory[build.add(place, ir.Constant(LONG, n))] = number
         loaded = (memory[build.add(place, ir.Constant(LONG, n))] for n in range(len(numbers)))
-        whole = (
+        restored = (
             [next(loaded) if isinstance(each, Value) else each for each in part] for part in parts
         )
-        return nest(results, map(math.prod, whole))
+        return nest(results, map(math.prod, restored))
 
     def where_any(
         self,
@@ -232,8 +238,10 @@ class LaneWriter(Tracer):
 
     @contextmanager
     def _rare(self, condition: Condition, other: Numbers) -> Iterator[list[LaneMemory]]:
-        """Write a part that runs if the condition holds in any lane, with memory of `other`
-        numbers for its results."""
+        """Write a branch that runs if the condition holds in any lane.
+
+        Yields memory for its results, in which the numbers of `other` are stored before.
+        """
         cells = [LaneMemory(self) for _ in leaves(other)]
         for cell, number in zip(cells, leaves(other), strict=True):
             cell[0] = number
@@ -261,17 +269,17 @@ class LaneWriter(Tracer):
         key = (name, *map(key_of, arguments))
         if name in INTRINSICS:
             return self.once(key, self._write_intrinsic, name, *arguments)  # type: ignore[no-any-return]
-        given = (
+        inputs = (
             each if isinstance(each, Value) else Value(self, self.value(each)) for each in arguments
         )
-        return self.once(key, FUNCTIONS[name], *given)  # type: ignore[no-any-return]
+        return self.once(key, FUNCTIONS[name], *inputs)  # type: ignore[no-any-return]
 
     def _write_intrinsic(self, name: str, *arguments: Value | float) -> Value:
         full = f"llvm.{name}.v{self.lanes}f64"
-        module, given = self.builder.module, list(map(self.value, arguments))
-        kind = ir.FunctionType(self.kind, [self.kind] * len(given))
-        known = module.globals.get(full) or ir.Function(module, kind, full)
-        return Value(self, self.builder.call(known, given))
+        module, inputs = self.builder.module, list(map(self.value, arguments))
+        kind = ir.FunctionType(self.kind, [self.kind] * len(inputs))
+        callee = module.globals.get(full) or ir.Function(module, kind, full)
+        return Value(self, self.builder.call(callee, inputs))
 
     def write_comparison(self, how: str, a: Value | float, b: Value | float) -> Condition:
         return Condition(self, self.builder.fcmp_ordered(how, self.value(a), self.value(b)))
@@ -293,19 +301,19 @@ class LaneWriter(Tracer):
 def call_function(
     code: LaneWriter, function: Callable[..., Any], arguments: Numbers, count: int
 ) -> Iterator[Value]:
-    """Call a function that has an object of its own, and return its `count` results."""
+    """Call a function that is compiled to an object of its own, and return its `count` results."""
     file = function.__module__.rpartition(".")[2]
-    given = list(leaves(arguments))
-    name = f"{file}_{function.__name__}_of_{len(given)}_in_{code.called_lanes}_lanes"
+    numbers = list(leaves(arguments))
+    name = f"{file}_{function.__name__}_of_{len(numbers)}_in_{code.called_lanes}_lanes"
     CALLED[name] = function, nest(arguments, itertools.repeat(0.0)), code.called_lanes
     module = code.builder.module
     kind = ir.FunctionType(ir.VoidType(), [LONG] * 2)
     callee = module.globals.get(name) or ir.Function(module, kind, name)
     wide = LaneWriter(code.builder, code.called_lanes)
-    inputs, outputs = LaneMemory(wide, len(given)), LaneMemory(wide, count)
-    for n, number in enumerate(given):
-        inputs[n] = fit_lanes(code, number, wide)
-    places = (code.builder.ptrtoint(each.address(0), LONG) for each in (inputs, outputs))
+    memory, outputs = LaneMemory(wide, len(numbers)), LaneMemory(wide, count)
+    for n, number in enumerate(numbers):
+        memory[n] = fit_lanes(code, number, wide)
+    places = (code.builder.ptrtoint(each.address(0), LONG) for each in (memory, outputs))
     code.builder.call(callee, list(places))
     return (fit_lanes(wide, outputs[n], code) for n in range(count))
 
@@ -318,15 +326,18 @@ def fit_lanes(code: LaneWriter, number: Value | float, other: LaneWriter) -> Val
 
 
 def write_callee(name: str, builder: Any, places: Sequence[Any]) -> None:
-    """Write one of `CALLED`.  places: the addresses of its arguments and of its results."""
+    """Write the function of `CALLED` with a name.
+
+    places: the addresses of its arguments and of its results.
+    """
     function, like, lanes = CALLED[name]
     code = LaneWriter(builder, lanes)
     inputs, outputs = (
         LaneMemory(code, place=builder.inttoptr(place, ir.PointerType(code.kind)))
         for place in places
     )
-    given = (inputs[n] for n, _ in enumerate(leaves(like)))
-    for n, number in enumerate(leaves(function(*nest(like, given)))):
+    numbers = (inputs[n] for n, _ in enumerate(leaves(like)))
+    for n, number in enumerate(leaves(function(*nest(like, numbers)))):
         outputs[n] = number
 
 
@@ -334,7 +345,7 @@ class LaneMemory:
     """Numbers of all lanes in the code's own memory, which a loop passes to its next round."""
 
     def __init__(self, code: LaneWriter, size: int = 1, place: Any = None) -> None:
-        """size: how many numbers.  place: address of numbers that exist already."""
+        """size: number of numbers.  place: address of existing memory; None to reserve memory."""
         self.code, self._place = code, place
         if place is None:
             with code.builder.goto_entry_block():
@@ -352,6 +363,6 @@ class LaneMemory:
         self.code.builder.store(self.code.value(number), self.address(index))
 
     def address(self, index: Any) -> Any:
-        """index: a number, or a number of the generated code."""
+        """The address of a number.  index: an integer, or an integer of the generated code."""
         where = ir.Constant(LONG, index) if isinstance(index, int) else index
         return self.code.builder.gep(self._place, [where])

@@ -11,18 +11,18 @@ from typing import Any
 
 from .dispatch import maximum
 
-#: A pivot that is less than this share of its diagonal element has no digits that rounding leaves:
-#: the condition number of J, columns scaled, is then above some 1e6.
-MIN_PIVOT_SHARE = 1e-13
-#: A lesser pivot is none.
-LEAST_PIVOT = 1e-300
+#: Smallest ratio of a pivot to its diagonal element at which the pivot has digits that are not lost
+#: to rounding. Below it, the condition number of J with scaled columns is above some 1e6.
+MIN_PIVOT_RATIO = 1e-13
+#: Lower bound of pivots, so that their inverses are finite.
+MIN_PIVOT = 1e-300
 
 Numbers = list[Any]
 Triangle = Sequence[Sequence[Any]]
 
 
 def product(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    """The sum of products, by halves, which do not wait for each other."""
+    """The sum of products, by halves, which processors can compute at the same time."""
     if len(a) == 1:
         return a[0] * b[0]
     half = len(a) // 2
@@ -38,64 +38,66 @@ def normal_equations(
 
 
 def factorise(matrix: Triangle, damping: Any) -> tuple[Triangle, Any]:
-    """L with L D L' = matrix, its diagonal raised by `damping` of itself, whose diagonal is 1 and
-    holds the inverse of D; and whether each pivot can be trusted.
+    """The factor L of L D L' = matrix, and whether all pivots are accurate.
 
-    Without roots, for which the next row would wait.
+    The matrix's diagonal is first increased by the fraction `damping`. L has a unit diagonal, in
+    whose place the inverse of D is stored. There are no roots, because they would delay the next
+    row.
     """
     factor: list[tuple[Any, ...]] = []
     fine: Any = None
     for row in matrix:
-        pivot = whole = row[-1] * (1 + damping)
-        own: Numbers = []
+        pivot = diagonal = row[-1] * (1 + damping)
+        row_factors: Numbers = []
         scaled: Numbers = []
-        for known, rest in zip(factor, row[:-1], strict=True):
-            for one, other in zip(scaled, known, strict=False):
-                rest = rest - one * other
+        for earlier, rest in zip(factor, row[:-1], strict=True):
+            for a, b in zip(scaled, earlier, strict=False):
+                rest = rest - a * b
             scaled.append(rest)
-            own.append(rest * known[-1])
-        for one, other in zip(scaled, own, strict=True):
-            pivot = pivot - one * other
-        trusted = pivot > MIN_PIVOT_SHARE * whole
+            row_factors.append(rest * earlier[-1])
+        for a, b in zip(scaled, row_factors, strict=True):
+            pivot = pivot - a * b
+        trusted = pivot > MIN_PIVOT_RATIO * diagonal
         fine = trusted if fine is None else fine & trusted
-        factor.append((*own, 1 / maximum(pivot, LEAST_PIVOT)))
+        factor.append((*row_factors, 1 / maximum(pivot, MIN_PIVOT)))
     return tuple(factor), fine
 
 
 def solution(factor: Triangle, right: Sequence[Any]) -> tuple[Numbers, Any]:
-    """The solution of L D L' x = right, and by how much x lessens the sum of squares."""
+    """The solution x of L D L' x = right, and the decrease of the sum of squares by x."""
     middle: Numbers = []
-    found: Numbers = []
+    result: Numbers = []
     gain: Any = 0.0
     for row, rest in zip(factor, right, strict=True):
-        for known, each in zip(middle, row, strict=False):
-            rest = rest - each * known
+        for value, each in zip(middle, row, strict=False):
+            rest = rest - each * value
         middle.append(rest)
-        found.append(rest * row[-1])
-        gain = gain + rest * found[-1]
-    for i in range(len(found) - 1, -1, -1):
-        for k in range(i + 1, len(found)):
-            found[i] = found[i] - factor[k][i] * found[k]
-    return found, gain
+        result.append(rest * row[-1])
+        gain = gain + rest * result[-1]
+    for i in range(len(result) - 1, -1, -1):
+        for k in range(i + 1, len(result)):
+            result[i] = result[i] - factor[k][i] * result[k]
+    return result, gain
 
 
 def inverse(factor: Triangle) -> list[Numbers]:
-    """(L D L')^-1, whole."""
+    """The inverse (L D L')^-1, with both triangles."""
     size = len(factor)
-    below: list[Numbers] = [[0.0 for _ in range(i)] for i in range(size)]  # L^-1, diagonal left out
+    # L^-1 without its diagonal
+    below: list[Numbers] = [[0.0 for _ in range(i)] for i in range(size)]
     for j in range(size):
         for i in range(j + 1, size):
             rest = factor[i][j]
             for k in range(j + 1, i):
                 rest = rest + factor[i][k] * below[k][j]
             below[i][j] = -rest
-    whole: list[Numbers] = [[0.0 for _ in range(size)] for _ in range(size)]
+    result: list[Numbers] = [[0.0 for _ in range(size)] for _ in range(size)]
     for i in range(size):
         after = zip(below[i + 1 :], factor[i + 1 :], strict=True)
-        scaled = [row[i] * known[-1] for row, known in after]
+        scaled = [row[i] * pivot_row[-1] for row, pivot_row in after]
         for j in range(i + 1):
             total = factor[i][-1] if j == i else factor[i][-1] * below[i][j]
             for k, each in enumerate(scaled, i + 1):
                 total = total + each * below[k][j]
-            whole[i][j] = whole[j][i] = total
-    return whole
+            result[i][j] = result[j][i] = total
+    return result

@@ -1,8 +1,9 @@
-"""Elementary functions as polynomials, without branches: for several poses at once.
+"""Elementary functions as polynomials without branches, for several poses at once.
 
-Each is accurate to a few units in the last digit on the stated interval, and invalid beyond it. The
-coefficients are those of `mpmath.chebyfit(function, [1e-50, end], count)` in 60 digits, the lowest
-power first; the function of z and the end of its interval stand above each.
+Each is accurate to a few units in the last digit on the stated interval, and invalid outside it.
+The coefficients are those of `mpmath.chebyfit(function, [1e-50, end], count)` in 60 digits, the
+lowest power first. The comment on each has the function of z, the end of its interval, and its
+error.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Sequence
 
 from .dispatch import Number
 
-#: exp(-z) to 1; leaves out 3.0e-18
+#: exp(-z) to 1; error 3.0e-18
 EXPONENTIAL = (
     1.0,
     -0.999999999999999,
@@ -27,7 +28,7 @@ EXPONENTIAL = (
     -2.2905624278899246e-08,
     1.2719039650810423e-09,
 )
-#: erf(sqrt(z / 2)) / sqrt(z) to 4; leaves out 1.6e-17
+#: erf(sqrt(z / 2)) / sqrt(z) to 4; error 1.6e-17
 ERROR_FUNCTION = (
     0.7978845608028653,
     -0.1329807601338093,
@@ -44,7 +45,7 @@ ERROR_FUNCTION = (
     1.260254961294898e-14,
     -2.3213558622716866e-16,
 )
-#: (1 - exp(-z)) / z to 2; leaves out 3.9e-17
+#: (1 - exp(-z)) / z to 2; error 3.9e-17
 DECAY = (
     1.0,
     -0.49999999999999223,
@@ -61,7 +62,7 @@ DECAY = (
     1.2426976499965376e-10,
     -4.585677284736203e-12,
 )
-#: sin(sqrt(z)) / sqrt(z) to 1; leaves out 8.5e-20
+#: sin(sqrt(z)) / sqrt(z) to 1; error 8.5e-20
 SINE = (
     1.0,
     -0.16666666666666666,
@@ -72,7 +73,7 @@ SINE = (
     1.605723315933452e-10,
     -7.535482987408254e-13,
 )
-#: cos(sqrt(z)) to 1; leaves out 1.4e-18
+#: cos(sqrt(z)) to 1; error 1.4e-18
 COSINE = (
     1.0,
     -0.49999999999999983,
@@ -83,7 +84,7 @@ COSINE = (
     2.087368217362566e-09,
     -1.128104316059591e-11,
 )
-#: arctan(sqrt(z)) / sqrt(z) to (sqrt(2) - 1)^2; leaves out 1.3e-18
+#: arctan(sqrt(z)) / sqrt(z) to (sqrt(2) - 1)^2; error 1.3e-18
 ARC_TANGENT = (
     1.0,
     -0.3333333333333312,
@@ -139,7 +140,7 @@ def arc_tangent(x: Number) -> Number:
     return x * polynomial(x * x, ARC_TANGENT)
 
 
-#: Coefficients of 2 artanh(x) / x in powers of x^2; leaves out 2e-18
+#: Coefficients of 2 artanh(x) / x in powers of x^2; error 2e-18
 LOGARITHM = tuple(2 / (2 * n + 1) for n in range(12))
 
 

@@ -51,7 +51,7 @@ class StatementWriter(Tracer):
     """Collects the statements of one function.
 
     functions: the texts of the functions that it calls, and of their tables, by the function or the
-    table from which each is made; in an order in which they can stand in a file.
+    table from which each is made; a file may have them in this order.
     """
 
     def __init__(self, language: Language, functions: dict[Any, str] | None = None) -> None:
@@ -156,12 +156,12 @@ class StatementWriter(Tracer):
         results = function(*nest(arguments, map(writer.variable, names)))
         for n, each in enumerate(leaves(results)):
             writer.put(f"found[{n}]", each)
-        kept = writer.needed_statements()
-        used = set(re.findall(r"\bp\d+\b", "\n".join(kept)))
+        statements = writer.needed_statements()
+        used = set(re.findall(r"\bp\d+\b", "\n".join(statements)))
         unused = [words.unused.format(name) for name in names if name not in used]
         parameters = ", ".join(map(words.parameter.format, names))
         head = words.head.format(name=function.__name__, parameters=parameters)
-        return "\n".join([head, "{", *filter(None, unused), *kept, "}"])
+        return "\n".join([head, "{", *filter(None, unused), *statements, "}"])
 
     def put(self, place: str, part: Numbers) -> None:
         """Write one result of the function."""
@@ -187,17 +187,15 @@ class StatementWriter(Tracer):
 
     def needed_statements(self) -> list[str]:
         """The statements without those whose number no later statement uses."""
-        asked: set[str] = set()
-        kept: list[str] = []
+        used: set[str] = set()
+        needed: list[str] = []
         for statement in reversed(self.statements):
             constant = CONSTANT.match(statement)
-            if constant and constant[1] not in asked:
+            if constant and constant[1] not in used:
                 continue
-            asked.update(
-                re.findall(r"\b[tfc]\d+\b", statement[constant.end() if constant else 0 :])
-            )
-            kept.append(statement)
-        return kept[::-1]
+            used.update(re.findall(r"\b[tfc]\d+\b", statement[constant.end() if constant else 0 :]))
+            needed.append(statement)
+        return needed[::-1]
 
 
 #: Pattern of a statement that computes one number, with its name.

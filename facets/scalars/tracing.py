@@ -1,6 +1,6 @@
 """Numbers that record the operations on them, from which writers make LLVM's code, C or JavaScript.
 
-A formula of the optics, run once with such numbers, becomes straight code. `Tracer` has the
+A formula of the optics that runs once with such numbers becomes straight code. `Tracer` has the
 functions that all writers share: it omits operations that need no instruction, and writes no
 instruction twice. A writer derives from it and writes the individual instructions:
 
@@ -10,10 +10,10 @@ instruction twice. A writer derives from it and writes the individual instructio
 Operations come in the order of the formulas, and each rule gives the same bits as the operation
 that it replaces, except for two rules:
 
-- 0 x is 0, x + 0 is x, and x - x is 0. Exact for finite x but for the sign of a zero; a NaN or an
-  infinity of x is lost, so that a formula must not count on it.
-- a / b is a times 1 / b, which is written once for all a, where a writer enables it
-  (`shares_reciprocals`). It costs half a unit in the last digit more.
+- 0 x is 0, x + 0 is x, and x - x is 0. For finite x this is exact except for the sign of a zero. A
+  NaN or an infinity of x is lost, so that a formula must not rely on it.
+- a / b is a times 1 / b, which is written once for all a, if a writer enables this
+  (`shares_reciprocals`). It adds an error of half a unit in the last digit.
 
 The rules that are always exact: x 1, x / 1 and x (-1); a negative inside of a sum, a difference or
 a product; a division by a power of two; plain numbers among themselves.
@@ -37,8 +37,8 @@ pi = math.pi
 class Value:
     """A number that the generated code will compute.
 
-    writer: of the code.  ir: the writer's form of the number: LLVM's value, or an expression in C.
-    opposite: the number whose negative this is, if it is known.
+    writer: of the code.  ir: the writer's form of the number: LLVM's value, or an expression in C
+    or JavaScript.  opposite: the number whose negative this is, if any.
     """
 
     __slots__ = ("ir", "opposite", "writer")
@@ -176,12 +176,12 @@ class Tracer:
 
     @contextmanager
     def scope(self) -> Iterator[None]:
-        """A part of the code that may not run: values computed within it are not known after it."""
-        known = self._known.copy()
+        """Mark a part of the code that may not run: values from within it are not used after it."""
+        known_before = self._known.copy()
         try:
             yield
         finally:
-            self._known = known
+            self._known = known_before
 
     def once(self, key: Hashable, write: Callable[..., Any], *arguments: Any) -> Any:
         """Return the earlier result of `write` for the same key, or else write now."""
@@ -248,7 +248,7 @@ class Tracer:
         return self.once(key, self.write_comparison, how, a, b)  # type: ignore[no-any-return]
 
     def select(self, condition: Condition, a: Any, b: Any) -> Any:
-        """a if the condition holds, else b, with its derivative."""
+        """Return a if the condition holds, else b, with its derivative."""
         if isinstance(a, Dual) or isinstance(b, Dual):
             (value_a, slope_a), (value_b, slope_b) = value_and_slope(a), value_and_slope(b)
             value = self.select(condition, value_a, value_b)
@@ -287,7 +287,7 @@ def key_of_either_order(operation: str, a: Value | float, b: Value | float) -> H
 
 
 def opposite(number: Value | float) -> Value | None:
-    """The number whose negative `number` is, if that is known."""
+    """The number whose negative `number` is, if any."""
     return number.opposite if isinstance(number, Value) else None
 
 
@@ -345,5 +345,5 @@ def maximum(a: Any, b: Any) -> Any:
 
 
 def nan_unless_positive(value: Any, a: Value, b: Value, c: Value) -> Any:
-    """`value`, with its derivative, where a, b and c are above zero, else NaN."""
+    """Return `value` with its derivative where a, b and c are above zero, else NaN."""
     return a.writer.select((a > 0) & (b > 0) & (c > 0), value, value * math.nan)

@@ -120,7 +120,7 @@ def test_the_cloud_lies_in_its_ellipses(shown):
     ("sensor", "said", "words"),
     [
         (facets.Sensor(electronics=facets.Electronics(kind="tetra-lateral")), "range-said",
-         "This page cannot tell the range"),
+         "This page cannot compute the range"),
         (facets.load("singular").sensor, "estimate-said",
          "Two poses of this sensor can give the same readings."),
     ], ids=["noise", "poses"],

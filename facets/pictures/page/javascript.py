@@ -1,10 +1,10 @@
 """The package's own formulas as JavaScript, so that a page computes as Python does.
 
-`javascript` runs a formula once with numbers that record what is done with them
-(`scalars.statements`), as the C code and the machine code are made. Floats of both languages are
-the same IEEE doubles and operations keep their order, so that results differ by no more than the
-elementary functions do. Named tuples become objects with the same keys. JavaScript lacks erf and
-erfc; `numbers.js` has these.
+`javascript` runs a formula once with numbers that record the operations on them
+(`scalars.statements`), as for the C code and the machine code. Floats of both languages are the
+same IEEE doubles, and operations keep their order. Results therefore differ by no more than the
+elementary functions do. Named tuples become objects with the same keys. JavaScript has no erf and
+erfc; `numbers.js` defines them.
 """
 
 from __future__ import annotations
@@ -25,8 +25,10 @@ NOT_FINITE = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
 
 
 def literal(value: Any) -> str:
-    """Write numbers, truth values and words in nested tuples and arrays, and named tuples and
-    dictionaries by their keys."""
+    """Write numbers, truth values and texts in nested tuples and arrays.
+
+    Named tuples and dictionaries become objects with the same keys.
+    """
     if isinstance(value, Value):
         return str(value.ir)
     if isinstance(value, np.ndarray):
@@ -61,12 +63,12 @@ JAVASCRIPT = Language(
 def javascript(
     name: str, function: Callable[..., Any], functions: dict[Any, str], *examples: Any
 ) -> Any:
-    """Add a function of the package, under a name in JavaScript, to the texts of a page.
+    """Write a function of the package in JavaScript, and return an example of its results.
 
-    functions: these texts, by the function; those that it calls are added.  examples: of its
-    arguments: nested tuples, lists, named tuples and dictionaries, whose floats the page gives; all
-    else is constant. A callable is called by the page's function as the page's own function, whose
-    results are like what it returns here. Returns an example of the results.
+    name: of the function in JavaScript.  functions: the texts of a page's functions, to which this
+    one and those that it calls are added.  examples: of the arguments, in nested tuples, lists,
+    named tuples and dictionaries. Their floats become arguments in JavaScript, and other values
+    constants. A callable represents a function of the page, and returns an example of its results.
     """
     writer = StatementWriter(JAVASCRIPT, functions)
     names = [f"a{n}" for n, _ in enumerate(examples)]
@@ -79,7 +81,10 @@ def javascript(
 
 
 def _argument(writer: StatementWriter, place: str, example: Any) -> Any:
-    """What a formula takes in the place of an example."""
+    """Replace the floats of an example by variables for the formula.
+
+    place: the argument in JavaScript.
+    """
     if isinstance(example, float):
         return writer.variable(place)
     if isinstance(example, dict):
@@ -101,7 +106,7 @@ def _argument(writer: StatementWriter, place: str, example: Any) -> Any:
 
 
 def _plain(part: Any) -> Any:
-    """Results as an example of arguments."""
+    """Replace the variables of results by floats: an example for another function."""
     if isinstance(part, Value):
         return 0.0
     if hasattr(part, "_fields"):

@@ -1,4 +1,4 @@
-"""The model of one sensor as JavaScript: its numbers, and the texts that they go into."""
+"""The model of one sensor as JavaScript: its numbers and its functions."""
 
 from __future__ import annotations
 
@@ -61,12 +61,13 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]] = {
     "twoLayerPlaceVariance": (noise.two_layer_place_variance, (*VECTOR, ELECTRONIC)),
     "twoLayerPowerVariance": (noise.two_layer_power_variance, (NUMBER, ELECTRONIC)),
 }
-#: What can be known of beam and power.
+#: The words for the knowledge of the beam's place and of the power.
 BEAM: tuple[BeamKnowledge, ...] = ("free", "known")
 POWER: tuple[PowerKnowledge, ...] = ("known", "unknown")
-#: What the page's sensor leaves out: it has no part in readings and estimates.
+#: Fields that the page's sensor does not have, because readings and estimates do not depend on
+#: them.
 UNUSED = ("correction", "calibration", "thermal", "delays", "drift")
-#: The properties of a sensor's parts that the texts read.
+#: The properties of a sensor's parts that the page's functions use.
 PROPERTIES = ("cut", "on", "has_profile")
 
 MODEL = """\
@@ -183,7 +184,10 @@ def model(sensor: Sensor, rules: Rules | None = None) -> str:
 
 
 def vectors_of(sensor: Sensor, data: Any) -> forward.Geometry:
-    """The vectors of a sensor like `sensor` with other numbers.  data: these, as of `as_data`."""
+    """The vectors of a sensor with the effects of light of `sensor` and the numbers of `data`.
+
+    data: an object with the attributes of a sensor, from `as_data`.
+    """
     numbers = arrays.light_numbers(sensor)
     light = LightEffects(numbers, arrays.options(data)) if sensor.light.on else None
     parameters = tuple(arrays.parameter_values(data))
@@ -193,10 +197,12 @@ def vectors_of(sensor: Sensor, data: Any) -> forward.Geometry:
 def write_optics(
     text: exact_text.ExactText, vectors: forward.Geometry, functions: dict[Any, str]
 ) -> None:
-    """Add the functions of the optics.  vectors, functions: as `javascript.javascript` takes them,
-    an example of the sensor's vectors and the texts of all functions."""
-    dark = javascript("darkScene", forward.dark_scene, functions, vectors, STATE)
-    javascript("apparentScene", curved_light.apparent_scene, functions, vectors, dark)
+    """Add the functions of the optics to a page's functions.
+
+    vectors: an example of the sensor's vectors.  functions: see `javascript.javascript`.
+    """
+    without_light = javascript("darkScene", forward.dark_scene, functions, vectors, STATE)
+    javascript("apparentScene", curved_light.apparent_scene, functions, vectors, without_light)
     at = javascript("scene", text.scene, functions, vectors, STATE)
     javascript("sceneReadings", text.readings, functions, vectors, at)
     javascript("footprints", footprint.footprints, functions, vectors, STATE)
@@ -215,7 +221,10 @@ def write_optics(
 
 
 def write_estimator(form: Form, vectors: forward.Geometry, functions: dict[Any, str]) -> str:
-    """Add the functions of an estimate, and return their names as a part of `ESTIMATORS`."""
+    """Add the functions of an estimate to a page's functions, and return their entry in ESTIMATORS.
+
+    vectors, functions: as in `write_optics`.
+    """
     name = "".join(map(str, form.free[6:]))
 
     def advance(state: Any, question: Any, vectors: Any, linearise: Any) -> Any:
@@ -241,23 +250,23 @@ def write_estimator(form: Form, vectors: forward.Geometry, functions: dict[Any, 
     return f'"{name}": {{{parts}}}'
 
 
-def as_data(thing: Any) -> Any:
-    """Return a sensor or a part of it as dictionaries of its fields, in the units of the code."""
-    if isinstance(thing, tuple):
-        return tuple(map(as_data, thing))
-    if not is_dataclass(thing):
-        return float(thing) if type(thing) is int else thing
-    names = [field.name for field in fields(thing) if field.name not in UNUSED]
-    names += [name for name in PROPERTIES if hasattr(thing, name)]
-    return {name: as_data(getattr(thing, name)) for name in names}
+def as_data(value: Any) -> Any:
+    """Convert a sensor or a part of it to dictionaries of its fields, in the code's units."""
+    if isinstance(value, tuple):
+        return tuple(map(as_data, value))
+    if not is_dataclass(value):
+        return float(value) if type(value) is int else value
+    names = [field.name for field in fields(value) if field.name not in UNUSED]
+    names += [name for name in PROPERTIES if hasattr(value, name)]
+    return {name: as_data(getattr(value, name)) for name in names}
 
 
 def solver_data(sensor: Sensor, plans: dict[str, plan.Plan]) -> dict[str, Any]:
-    """The numbers of an estimate that do not change with the sensor's place and size.
+    """The constants of an estimate that do not depend on the sensor's positions and sizes.
 
     plans: by what is known of beam and power.  limits: of the readings, as in
-    `problem.ScreeningLimits`.  noise: see `electronic_noise`.  samples, fold: where the page looks
-    for a fold, and what it then says.  refusal: why the page cannot solve; empty where it can.
+    `problem.ScreeningLimits`.  noise: see `electronic_noise`.  samples, fold: states at which the
+    page looks for a fold, and its message then.  refusal: see `refusal`.
     """
     limits = plan.make_limits(sensor, False)
     return {
@@ -273,7 +282,7 @@ def solver_data(sensor: Sensor, plans: dict[str, plan.Plan]) -> dict[str, Any]:
 
 
 def range_data(sensor: Sensor, rules: Rules) -> dict[str, Any]:
-    """The limits of the range that do not change with the sensor's place and size."""
+    """The constants of the range that do not depend on the sensor's positions and sizes."""
     return {
         "causes": ranges.CAUSES,
         "farthest": ranges.FARTHEST_MM_RAD,
@@ -288,8 +297,8 @@ def range_data(sensor: Sensor, rules: Rules) -> dict[str, Any]:
 
 
 def full_light(sensor: Sensor) -> float:
-    """The light whose current, all into one electrode of a duo-lateral detector, is at the end of
-    the amplifier's range, mW; infinite without electronics."""
+    """The light whose current is at the end of the amplifier's range when one electrode of a
+    duo-lateral detector collects it all, mW; infinite without electronics."""
     electronics = sensor.electronics
     return (
         noise.largest_current(electronics) / (1e-3 * electronics.responsivity)
@@ -299,17 +308,17 @@ def full_light(sensor: Sensor) -> float:
 
 
 def range_refusal(sensor: Sensor) -> str:
-    """Say why the page cannot tell the range; empty where it can."""
+    """The reason why the page cannot compute the range; empty if it can."""
     if not refusal(sensor):
         return ""
     return (
-        "This page cannot tell the range, because it does not know the currents of these "
+        "This page cannot compute the range, because it does not know the currents of these "
         "detectors; `facets range-map` does."
     )
 
 
 def electronic_noise(sensor: Sensor) -> noise.TwoLayerNoise | None:
-    """The noise of duo-lateral detectors' currents; None without electronics or with others."""
+    """The noise of duo-lateral detectors' currents; None for other detectors."""
     electronics = sensor.electronics
     return (
         noise.two_layer_noise(electronics)
@@ -319,9 +328,10 @@ def electronic_noise(sensor: Sensor) -> noise.TwoLayerNoise | None:
 
 
 def plan_data(sensor: Sensor, todo: plan.Plan) -> dict[str, Any]:
-    """One plan of `estimation.plan`.
+    """The numbers of a plan of `estimation.plan`.
 
-    none: `count_checks` without a detector.  limits: the largest residual by the number of checks.
+    means, weights, free: as in `Plan`.  none: `count_checks` without a detector.  limits: the
+    largest residual, by the number of checks.
     """
     likely = plan.chance_of(sensor, todo)
     return {
@@ -340,7 +350,7 @@ FOLD = (
 
 
 def refusal(sensor: Sensor) -> str:
-    """Say why the page cannot solve the readings of a sensor; empty where it can."""
+    """The reason why the page cannot solve the readings of a sensor; empty if it can."""
     if sensor.electronics is not None and not noise.has_two_layers(sensor.electronics):
         return (
             f"This page knows the noise of duo-lateral detectors, not of {sensor.electronics.kind} "

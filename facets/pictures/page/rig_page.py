@@ -94,8 +94,10 @@ def rig_page(
 
 
 def stated_keys(resolved: dict[str, Any]) -> dict[str, Any]:
-    """The keys of a configuration's sensor, range and solver that differ from what `facets` takes
-    where none are given. What lies in other files is left out."""
+    """The keys of a configuration's sensor, range and solver that differ from their defaults.
+
+    Data from other files is excluded.
+    """
     usual, _ = resolve({})
     stated = {block: differences(usual[block], resolved[block]) for block in SAVED}
     stated["sensor"].pop("calibration", None)
@@ -107,7 +109,7 @@ def stated_keys(resolved: dict[str, Any]) -> dict[str, Any]:
 
 
 def omitted_keys(sensor: Sensor) -> list[str]:
-    """Say what a changed copy of the configuration leaves out."""
+    """State which data a changed copy of the configuration does not contain."""
     texts = []
     if sensor.calibration is not None:
         texts.append("The calibration's covariance is left out: it was that of another sensor.")
@@ -117,10 +119,12 @@ def omitted_keys(sensor: Sensor) -> list[str]:
 
 
 def knowledge_of(config: Config) -> dict[str, str]:
-    """What a configuration's solver knows of beam and power, as far as the page has it: a prior
-    counts as unknown."""
-    known = {"beam": config.solve.beam, "power": config.solve.power}
-    return {name: value for name, value in known.items() if value in ("free", "known", "unknown")}
+    """The words of a configuration's `solve` for beam and power that the page has, too.
+
+    A prior is not among them.
+    """
+    words = {"beam": config.solve.beam, "power": config.solve.power}
+    return {name: value for name, value in words.items() if value in ("free", "known", "unknown")}
 
 
 def estimate_sentences(sensor: Sensor) -> list[str]:

@@ -1,4 +1,4 @@
-"""What draws a rig, for a page that receives its states from elsewhere."""
+"""The scripts that draw a rig, for a page that receives its states from elsewhere."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from .model import model, text_of
 
 #: The hues of A, B and C, by the page's theme.
 HUES = {theme: [*hues.detectors.values()] for theme, hues in (("light", LIGHT), ("dark", DARK))}
-#: Defines `RIG`: the bodies of a rig with these hues.  Needs `Model`.
+#: Script that defines `RIG`, the bodies of a rig with these hues; it needs `Model`.
 RIG = f"const RIG = {{hues: {json.dumps(HUES)}, ...Model.bodies()}};\n"
 
 
 def rig_scripts(sensor: Sensor) -> dict[str, str]:
     """Return the shared style and the scripts by name, in loading order.
 
-    They define `THREE`, `Digits`, `Model`, `RIG`, `Rig`, `Faces` and `Parts`; see their heads.
+    They define `THREE`, `Digits`, `Model`, `RIG`, `Rig`, `Faces` and `Parts`, which the comments at
+    their beginnings describe.
     """
     names = ("digits", "scene", "faces", "parts")
     return {

@@ -4,8 +4,8 @@ import ctypes
 import pathlib
 import sys
 
-here = pathlib.Path(__file__).resolve().parent.parent
-code = ctypes.CDLL(str(here / (sys.argv[1] if len(sys.argv) > 1 else "libfacets.so")))
+folder = pathlib.Path(__file__).resolve().parent.parent
+code = ctypes.CDLL(str(folder / (sys.argv[1] if len(sys.argv) > 1 else "libfacets.so")))
 Real = ctypes.c_double if code.facets_real_size() == 8 else ctypes.c_float
 code.facets_status_text.restype = ctypes.c_char_p
 
