@@ -175,6 +175,11 @@ class Pipeline:
         Further columns of the poses, such as displacements from a zero.
     """
 
+    #: The last two samples; see `await_neighbours`.
+    waiting: Batch | None = None
+    #: Arrival of the last samples, and the stage's place then.
+    origin: Any = ()
+
     def __init__(self, config: Config, columns: PoseColumns | None = None) -> None:
         self.config = config
         self.tally = RunTally(cold=f"acquire.channels names no channel {TEMPERATURE_COLUMN}")
@@ -186,8 +191,6 @@ class Pipeline:
         self.board = BoardPoses()
         self.doubts = Doubts(least_light(config.sensor))
         self.trust = Trust(config)
-        self.waiting: Batch | None = None  # the last two samples; see `await_neighbours`
-        self.origin: Any = ()  # arrival of the last samples, and the stage's place then
 
     def feed(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> RunPoses | None:
         """Return the poses of all samples that a block completes; None if it completes none.
