@@ -20,15 +20,16 @@ NAMES = tuple(f"correction_{letter}.{name}" for letter in DETECTORS for name in 
 
 
 def is_corrected(sensor: Sensor) -> bool:
-    known: bool | None = sensor.__dict__.get("_corrected")
-    if known is None:
-        known = any(psd.correction != Correction() for psd in sensor.psds)
-        sensor.__dict__["_corrected"] = known
-    return known
+    """Whether any detector has a correction; cached per sensor."""
+    corrected: bool | None = sensor.__dict__.get("_corrected")
+    if corrected is None:
+        corrected = any(psd.correction != Correction() for psd in sensor.psds)
+        sensor.__dict__["_corrected"] = corrected
+    return corrected
 
 
 def coefficients(sensor: Sensor) -> Floats:
-    """The coefficients of all corrections (60,) in the order of `NAMES`: shares, mW and mm."""
+    """The coefficients of all corrections (60,) in the order of `NAMES`: fractions, mW and mm."""
     parts = [
         (p.correction.power, p.correction.dark, *p.correction.y, *p.correction.z)
         for p in sensor.psds
@@ -55,7 +56,7 @@ def correct(sensor: Sensor, raw: Floats) -> Floats:
     """Correct raw readings (n, 9) to those of perfect detectors."""
     if not is_corrected(sensor):
         return raw
-    with np.errstate(over="ignore", invalid="ignore"):  # A spoilt reading can be any number.
+    with np.errstate(over="ignore", invalid="ignore"):  # A corrupted reading can be any number.
         fixed: Floats = raw + correction_slopes(sensor, raw) @ coefficients(sensor)
     for k, psd in enumerate(sensor.psds):
         if psd.correction.grid is not None:
@@ -66,10 +67,10 @@ def correct(sensor: Sensor, raw: Floats) -> Floats:
 
 
 def interpolate_grid(grid: Grid, places: Floats) -> Floats:
-    """The corrections of a grid at places (n, 2), mm; at places beyond its edge, the corrections at
-    the edge.
+    """Interpolate the corrections of a grid at places (n, 2), mm.
 
-    Where a place is NaN the correction is finite, so that the sum stays NaN.
+    Beyond the grid's edge, they are those at the edge. At a place with NaN the correction is
+    finite, and its sum with the place remains NaN.
     """
     from scipy.interpolate import RegularGridInterpolator
 
@@ -80,7 +81,7 @@ def interpolate_grid(grid: Grid, places: Floats) -> Floats:
 
 
 def invert_correction(sensor: Sensor, exact: Floats) -> Floats:
-    """The raw readings (n, 9) of detectors where perfect ones would give `exact`."""
+    """The raw readings (n, 9) from which `correct` makes the readings `exact`."""
     if not is_corrected(sensor):
         return exact
     raw = exact.copy()

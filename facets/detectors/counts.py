@@ -18,7 +18,7 @@ from .noise import add_current_noise, electrode_currents, has_two_layers
 #: Flags of a faulty sample: a converter at its end; or the sums along y and z of a duo-lateral PSD,
 #: which measure the same light, differ by more than MISMATCH.
 SATURATED, UNEQUAL = 1, 2
-#: Largest allowed difference of the two sums, as a share of the photocurrent.
+#: Largest allowed difference of the two sums, as a fraction of the photocurrent.
 MISMATCH = 0.02
 
 
@@ -32,7 +32,7 @@ def readings_to_counts(
 ) -> NDArray[np.int32]:
     """The converters' counts (n, 12) for exact readings (n, 9), with noise if rng is given.
 
-    A spot past its detector's edge and a reading that is NaN make no current.
+    A spot past its detector's edge, and a reading with NaN, have no current.
     """
     light = mask_missed_spots(sensor, exact, exact).reshape(-1, 3, 3)
     currents = np.nan_to_num(electrode_currents(electronics, half_sizes(sensor), light))
@@ -51,43 +51,47 @@ def counts_to_xy_sum(electronics: Electronics, counts: NDArray[np.int32]) -> NDA
     out = np.zeros_like(counts)
     for k in range(3):
         currents = counts[:, 4 * k : 4 * k + 4].astype(float)
-        whole = electrodes.total(electronics.kind, currents)
+        total = electrodes.total(electronics.kind, currents)
         with np.errstate(divide="ignore", invalid="ignore"):
             place = np.nan_to_num(electrodes.ratios(electronics.kind, currents))
-        out[:, 4 * k : 4 * k + 2] = np.round(place * whole[:, None])
-        out[:, 4 * k + 2] = np.round(whole)
+        out[:, 4 * k : 4 * k + 2] = np.round(place * total[:, None])
+        out[:, 4 * k + 2] = np.round(total)
     return out
 
 
 def counts_to_readings(
-    sensor: Sensor, electronics: Electronics, counts: NDArray[np.int32], xy_sum: bool, dark: Floats
+    sensor: Sensor,
+    electronics: Electronics,
+    counts: NDArray[np.int32],
+    xy_sum: bool,
+    dark_counts: Floats,
 ) -> tuple[Floats, NDArray[np.uint8]]:
     """Convert counts (n, 12) to readings (n, 9) in mm and mW, with their flags (n,).
 
-    dark: (12,) counts without light. A detector whose converter is at its end reads NaN.
+    dark_counts: (12,) counts without light. A detector whose converter is at its end reads NaN.
     """
     half, kind = half_sizes(sensor), electronics.kind
     top = 2**electronics.adc_bits - 1
     per_milliwatt = 1e-3 * electronics.responsivity * counts_per_ampere(electronics)
     raw = counts.reshape(-1, 3, 4)
-    lit = raw - dark.reshape(3, 4)
+    lit = raw - dark_counts.reshape(3, 4)
     out, flags = np.empty((len(counts), 3, 3)), np.zeros(len(counts), np.uint8)
     with np.errstate(divide="ignore", invalid="ignore"):
         if xy_sum:
-            whole = lit[..., 2]
-            ratios = lit[..., :2] / whole[..., None]
+            total = lit[..., 2]
+            ratios = lit[..., :2] / total[..., None]
         else:
-            whole = electrodes.total(kind, lit)
+            total = electrodes.total(kind, lit)
             ratios = electrodes.ratios(kind, lit)
         out[..., :2] = half * places_of_quotients(kind, ratios, half)
-    out[..., 2] = whole / per_milliwatt
+    out[..., 2] = total / per_milliwatt
     if raw.max(initial=0) >= top or raw.min(initial=0) <= -top:
         full = (np.abs(raw) >= top).any(axis=-1)
         out[full] = np.nan
         flags[full.any(axis=-1)] |= SATURATED
     if has_two_layers(electronics) and not xy_sum:
-        apart = np.abs(lit[..., 0] + lit[..., 1] - lit[..., 2] - lit[..., 3])
-        unequal = apart > MISMATCH * np.maximum(whole, top / 100)
+        difference = np.abs(lit[..., 0] + lit[..., 1] - lit[..., 2] - lit[..., 3])
+        unequal = difference > MISMATCH * np.maximum(total, top / 100)
         flags[unequal.any(axis=-1)] |= UNEQUAL
     return out.reshape(-1, 9), flags
 

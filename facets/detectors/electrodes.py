@@ -24,7 +24,7 @@ ENOUGH, MOST = 40.0, 700.0
 
 
 def fractions(kind: str, y: Floats, z: Floats, aspect: float = 1.0) -> Floats:
-    """The shares of the photocurrent that flow into the electrodes: (..., 4).
+    """The fraction of the photocurrent that flows into each electrode: (..., 4).
 
     y, z: (...). aspect: height over width of the area, for tetra-lateral. Duo-lateral and
     tetra-lateral: at -y, +y, -z, +z; pincushion: at (-,-), (+,-), (-,+), (+,+). They add up to 1;
@@ -49,9 +49,10 @@ def side_potential(towards: Floats, along: Floats, aspect: float) -> Floats:
     """The potential in a rectangle with the side at towards = 1 at 1 and the others at 0.
 
     along: the coordinate along that side; aspect: that side's length over the other's. In a strip
-    without an opposite side the series sum (4 / pi n) cos(n pi along / 2) exp(-n x) over odd n with
-    alternating signs is (2 / pi) arctan(cos(pi along / 2) / sinh x), x = pi distance / (2 aspect);
-    the opposite side at 0 adds its mirror images, which fall off as exp(-2 pi / aspect).
+    without an opposite side, with x = pi distance / (2 aspect), the potential is the sum of
+    (4 / pi n) cos(n pi along / 2) exp(-n x) over odd n with alternating signs. The sum is
+    (2 / pi) arctan(cos(pi along / 2) / sinh x). The opposite side at 0 adds mirror images, which
+    fall off as exp(-2 pi / aspect).
     """
     distance, along = 1 - np.asarray(towards), np.asarray(along)
     height = np.cos(np.pi / 2 * along)
@@ -86,8 +87,8 @@ def end_sums(kind: str, parts: Floats) -> Floats:
 
 def total(kind: str, currents: Floats) -> Floats:
     """The photocurrent from the electrodes' currents (..., 4)."""
-    whole: Floats = currents.sum(axis=-1) / (2 if kind == "duo-lateral" else 1)
-    return whole
+    sums: Floats = currents.sum(axis=-1) / (2 if kind == "duo-lateral" else 1)
+    return sums
 
 
 def places(kind: str, currents: Floats, aspect: float = 1.0) -> Floats:
@@ -100,21 +101,21 @@ def places(kind: str, currents: Floats, aspect: float = 1.0) -> Floats:
 
 
 def tetra_lateral_places(measured: Floats, aspect: float) -> Floats:
-    """The places (..., 2) where a tetra-lateral gives ratios (..., 2), iterated.
+    """The places (..., 2) at which a tetra-lateral gives ratios (..., 2), by Newton's method.
 
-    The result of each place does not depend on the others; NaN where there is no place.
+    Each result is independent of the others; NaN where no place has the ratios.
     """
-    wanted = measured.reshape(-1, 2)
-    place, open_ = wanted.copy(), np.arange(len(wanted))
+    target = measured.reshape(-1, 2)
+    place, open_ = target.copy(), np.arange(len(target))
     for _ in range(30):
-        here = place[open_]
-        rest = wanted[open_] - tetra_lateral_ratios(here, aspect)
-        step = np.linalg.solve(slopes(here, aspect), rest[..., None])[..., 0]
-        place[open_] = np.clip(here + np.clip(step, -0.3, 0.3), -0.97, 0.97)
+        current = place[open_]
+        rest = target[open_] - tetra_lateral_ratios(current, aspect)
+        step = np.linalg.solve(slopes(current, aspect), rest[..., None])[..., 0]
+        place[open_] = np.clip(current + np.clip(step, -0.3, 0.3), -0.97, 0.97)
         open_ = open_[~(np.abs(rest).max(axis=-1) < 1e-12)]
         if len(open_) == 0:
             break
-    off = np.abs(wanted - tetra_lateral_ratios(place, aspect)).max(axis=-1) > 1e-9
+    off = np.abs(target - tetra_lateral_ratios(place, aspect)).max(axis=-1) > 1e-9
     place[off] = np.nan
     return place.reshape(measured.shape)
 

@@ -96,21 +96,21 @@ def power_floor(sensor: Sensor) -> float:
     return float(np.sqrt(var) / (1e-3 * sensor.electronics.responsivity))
 
 
-#: A detector with less light than this, in standard deviations of its power, is left out: the noise
-#: of its spot's place, which is proportional to 1 / power, is then not Gaussian.
+#: A detector with less light than this, in standard deviations of its power, is excluded: the noise
+#: of its spot's position, which is proportional to 1/power, is then not Gaussian.
 FAINTEST = 10.0
-#: A detector whose spot has less than this share of the background light is left out too: its
+#: A detector whose spot has less than this fraction of the background light is also excluded: its
 #: reading is that of the background, and several poses fit it.
-LEAST_SHARE = 0.05
+LEAST_FRACTION = 0.05
 
 
 def least_light(sensor: Sensor, ratio: float = FAINTEST) -> Floats:
-    """The least power, background included, at which a detector's reading counts, mW: (3,).
+    """The least power (3,), mW, background included, at which a detector is used.
 
-    ratio: of the spot's own power to the standard deviation of a power without light.
+    ratio: least power of the spot over the standard deviation of a power without light.
     """
     other = other_light(sensor)
-    return other + np.maximum(ratio * power_floor(sensor), LEAST_SHARE * other)
+    return other + np.maximum(ratio * power_floor(sensor), LEAST_FRACTION * other)
 
 
 def other_light(sensor: Sensor) -> Floats:
@@ -146,12 +146,12 @@ def current_variances(electronics: Electronics, currents: Floats, together: bool
     """The variances of the electrodes' currents (..., 4), A^2: by source (..., 4, 5), or their sum
     (..., 4, 1)."""
     e, band = electronics, electronics.bandwidth
-    dark = (e.dark_current + 1e-3 * e.responsivity * e.ambient) / (2 if has_two_layers(e) else 4)
+    steady = (e.dark_current + 1e-3 * e.responsivity * e.ambient) / (2 if has_two_layers(e) else 4)
     thermal = 4 * BOLTZMANN * e.temperature * band
     amplifier = (e.voltage_noise / e.resistance) ** 2 + e.current_noise**2
     step = step_current(e)
     even = [
-        2 * CHARGE * dark * band,
+        2 * CHARGE * steady * band,
         thermal / e.resistance,
         amplifier * band + thermal / e.transimpedance,
         step**2 / 12,
@@ -171,22 +171,21 @@ def has_two_layers(electronics: Electronics) -> bool:
 
 
 def electrode_currents(electronics: Electronics, half: Floats, exact: Floats) -> Floats:
-    """The electrodes' currents (..., 3, 4), A, of the detectors' light (..., 3, 3) alone.
+    """The electrodes' currents (..., 3, 4), A, due to the light of readings (..., 3, 3).
 
-    half: (3, 2) of `half_sizes`.
-    A place past a detector's edge counts as on the edge, so that its noise has a size; callers that
-    make readings exclude such spots by `mask_missed_spots`.
+    A position past a detector's edge is moved to the edge, so that its noise is defined; callers
+    that simulate readings exclude such spots by `mask_missed_spots`.  half: (3, 2) of `half_sizes`.
     """
     place = np.clip(exact[..., :2] / half, -1, 1)
     light = 1e-3 * electronics.responsivity * exact[..., 2]
     if electronics.kind == "tetra-lateral":  # Each detector has its own shape.
-        share = np.stack([
+        fraction = np.stack([
             electrodes.fractions(electronics.kind, place[..., k, 0], place[..., k, 1], tall)
             for k, tall in enumerate(half[:, 1] / half[:, 0])
         ], axis=-2)  # fmt: skip
     else:
-        share = electrodes.fractions(electronics.kind, place[..., 0], place[..., 1])
-    currents: Floats = light[..., None] * share
+        fraction = electrodes.fractions(electronics.kind, place[..., 0], place[..., 1])
+    currents: Floats = light[..., None] * fraction
     return currents
 
 
@@ -209,8 +208,8 @@ def reading_variances(
     flow, noise = (electrodes.end_sums(kind, parts) for parts in (currents[..., None], var))
     below, above = flow[..., 0, :], flow[..., 1, :]
     square = above**2 * noise[..., 0, :] + below**2 * noise[..., 1, :]
-    whole = (below + above) ** 2
-    out[..., :2, :] = 4 * half[..., None] ** 2 / (whole * whole) * square
+    square_sum = (below + above) ** 2
+    out[..., :2, :] = 4 * half[..., None] ** 2 / (square_sum * square_sum) * square
     if kind == "tetra-lateral":
         for k, tall in enumerate(half[:, 1] / half[:, 0]):
             place = np.clip(exact[..., k, :2] / half[k], -0.97, 0.97)
@@ -221,13 +220,14 @@ def reading_variances(
     return out
 
 
-def step_variances(sensor: Sensor, reading: ArrayLike, share: ArrayLike = 1.0) -> Floats:
-    """Variance of the converter's steps that the mean of many readings at one state keeps: (...,
-    9), mm^2 and mW^2; 0 without electronics.
+def step_variances(sensor: Sensor, reading: ArrayLike, ratio: ArrayLike = 1.0) -> Floats:
+    """The variance (..., 9) of a mean of many readings at one state due to the converter's steps,
+    mm^2 and mW^2; 0 without electronics.
 
-    share: (...) of the actual noise's variance over that of the electronics. With noise of standard
-    deviation s in steps of q, the mean is off by a function of its place between two steps, whose
-    k-th harmonic is (q / pi k) exp(-2 (pi k s / q)^2).
+    With noise of standard deviation s and steps q, the error of the mean is a function of its
+    position between two steps, whose k-th harmonic is (q / pi k) exp(-2 (pi k s / q)^2).
+
+    ratio: (...) variance of the actual noise over that of the electronics.
     """
     exact = np.asarray(reading, dtype=float)
     if sensor.electronics is None:
@@ -236,26 +236,27 @@ def step_variances(sensor: Sensor, reading: ArrayLike, share: ArrayLike = 1.0) -
     step = step_current(electronics)
     currents = electrode_currents(electronics, half, parts)
     noise = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
-    noise = noise * np.broadcast_to(share, exact.shape[:-1])[..., None, None] / step**2
-    kept = np.zeros_like(noise)
+    noise = noise * np.broadcast_to(ratio, exact.shape[:-1])[..., None, None] / step**2
+    harmonics = np.zeros_like(noise)
     for k in range(1, HARMONICS + 1):
-        kept += np.exp(-((2 * np.pi * k) ** 2) * noise) / k**2
-    var = (step**2 / (2 * np.pi**2) * kept)[..., None]
+        harmonics += np.exp(-((2 * np.pi * k) ** 2) * noise) / k**2
+    var = (step**2 / (2 * np.pi**2) * harmonics)[..., None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return reading_variances(electronics, half, parts, currents, var).reshape(exact.shape)
 
 
-#: Harmonics of the error of a step: all later ones have a hundredth of its variance without noise.
+#: Number of harmonics of the steps' error; the others have a hundredth of its variance.
 HARMONICS = 60
 
 
 def two_layer_variances(electronics: Electronics, half: Floats, exact: Floats) -> Floats:
-    """The summed variances (..., 3, 3) of `electric_variances` for duo-lateral detectors, written
-    out, because a live loop computes them for each block.
+    """The summed variances (..., 3, 3) of `electric_variances` for duo-lateral detectors, in closed
+    form, because a live loop computes them for each block.
 
-    With the current L, the place p in half sizes h, and variances of an electrode s |I| + e: h^2 (s
-    (1 - p^2) / L + 2 e (1 + p^2) / L^2), and of the power (s L + 2 e) / 2 over the responsivity
-    squared.
+    Let L be the current, p the position in half sizes h, and s |I| + e the variance of an
+    electrode's current I. The variance of the position is
+    h^2 (s (1 - p^2) / L + 2 e (1 + p^2) / L^2), and that of the power is (s L + 2 e) / 2 over the
+    responsivity squared.
     """
     noise = two_layer_noise(electronics)
     light = noise.gain * exact[..., 2]
@@ -381,8 +382,8 @@ def fullness(sensor: Sensor, exact: Floats) -> Floats:
     if sensor.electronics is None:
         return np.zeros((*exact.shape[:-1], 3))
     currents = electrode_currents(sensor.electronics, half_sizes(sensor), split_detectors(exact))
-    share: Floats = currents.max(axis=-1) / largest_current(sensor.electronics)
-    return share
+    ratio: Floats = currents.max(axis=-1) / largest_current(sensor.electronics)
+    return ratio
 
 
 def sample_detector(

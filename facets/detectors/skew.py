@@ -25,9 +25,9 @@ LONGEST_PAUSE = 10.0
 def slopes(time: Times, values: Floats) -> Floats:
     """Derivatives by time (s) of rows of values (n, m): (n, m), per s.
 
-    The mean of the difference quotients to the rows before and after; one of them if the other is
-    unknown; 0 if both are, because of a value that is not finite, a pause or equal times. A row's
-    slope depends on these three rows alone.
+    A slope is the mean of the difference quotients to the rows before and after, or one of them if
+    the other is unknown. It is 0 if both are unknown, because of a value that is not finite, a
+    pause or equal times.
     """
     ends = np.full((1, *values.shape[1:]), np.nan)
     step = np.concatenate([[np.nan], np.diff(time), [np.nan]])
@@ -37,9 +37,9 @@ def slopes(time: Times, values: Floats) -> Floats:
         sides = np.stack([quotients[:-1], quotients[1:]])
         steps = np.stack([step[:-1], step[1:]])
     sides[steps > LONGEST_PAUSE * steps[::-1]] = np.nan
-    known = np.isfinite(sides)
-    total: Floats = np.where(known, sides, 0.0).sum(axis=0)
-    mean: Floats = total / np.maximum(known.sum(axis=0), 1)
+    is_known = np.isfinite(sides)
+    total: Floats = np.where(is_known, sides, 0.0).sum(axis=0)
+    mean: Floats = total / np.maximum(is_known.sum(axis=0), 1)
     return mean
 
 

@@ -1,4 +1,4 @@
-"""What the temperature does to the readings and to the beam, by the coefficients of `Thermal`.
+"""Effects of the temperature on the readings and the beam, by the coefficients of `Thermal`.
 
 A difference of temperatures `warmer` (n,) is that of samples from the reference temperature of the
 calibration, K; None for a sensor that does not follow the temperature, or without a thermometer.

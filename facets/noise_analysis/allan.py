@@ -17,7 +17,7 @@ from ..core.units import Floats
 #: Number of averaging times for each factor of ten.
 TIMES_PER_DECADE = 6
 
-#: By what share the clock of a recording may be off, so that a time is still one of the computed.
+#: Largest relative error of a recording's clock for which a time still counts as a computed one.
 CLOCK_TOLERANCE = 1e-3
 
 
@@ -32,8 +32,8 @@ class Allan:
 
     def interpolate(self, tau: float) -> float:
         """The deviation at an averaging time, s, between the computed ones; NaN outside them."""
-        share = 1 + CLOCK_TOLERANCE
-        if not self.tau[0] / share <= tau <= self.tau[-1] * share:
+        factor = 1 + CLOCK_TOLERANCE
+        if not self.tau[0] / factor <= tau <= self.tau[-1] * factor:
             return math.nan
         return float(np.exp(np.interp(np.log(tau), np.log(self.tau), np.log(self.deviation))))
 
@@ -53,11 +53,11 @@ def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
     rows = []
     for m in lengths.tolist():
         mean = (total[m:] - total[:-m]) / m
-        whole = count[m:] - count[:-m] == m
-        apart = (mean[m:] - mean[:-m])[whole[m:] & whole[:-m]]
-        if len(apart) < 2:
+        is_complete = count[m:] - count[:-m] == m
+        steps = (mean[m:] - mean[:-m])[is_complete[m:] & is_complete[:-m]]
+        if len(steps) < 2:
             continue
-        rows.append((m, float(np.sqrt(np.mean(apart**2) / 2)), len(apart)))
+        rows.append((m, float(np.sqrt(np.mean(steps**2) / 2)), len(steps)))
     m, deviation, used = np.array(rows).T
     slope = np.gradient(np.log(np.maximum(deviation, 1e-300)), np.log(m)) if len(m) > 1 else [-0.5]
     freedom = np.array([

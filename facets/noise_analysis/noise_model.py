@@ -1,7 +1,7 @@
 """Model the noise of a steady signal: white and flicker noise, lines and drift, with intervals.
 
-The model of the one-sided power spectral density beside lines is S(f) = white + flicker / f, fitted
-to the periodogram by Whittle's likelihood: the values of a periodogram are independent and
+Between lines, the model of the one-sided power spectral density is S(f) = white + flicker / f. It
+is fitted to the periodogram by Whittle's likelihood: the values of a periodogram are independent and
 exponentially distributed about S. Amplitudes of lines and the drift's slope are least-squares
 estimates with variances by S.
 """
@@ -62,7 +62,7 @@ class NoiseModel:
     """The noise of one signal; u is its unit.
 
     rate: Hz.  length: s.  white: u^2/Hz.  flicker: u^2.  drift: u/s.  spikes: number of samples
-    that are further off than by noise.  filled: share of missing samples.
+    further off than by noise.  filled: fraction of missing samples, which were interpolated.
     """
 
     rate: float
@@ -149,10 +149,10 @@ def fill(signal: Floats) -> Floats:
 def find_spikes(signal: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Samples (n,) far from the median of their neighbours: dust, a cable, a damaged frame."""
     middle = np.median(np.stack([np.roll(signal, n) for n in (-2, -1, 1, 2)]), axis=0)
-    apart = np.abs(signal - middle)
-    apart[:2] = apart[-2:] = 0.0
-    scale = 1.4826 * float(np.median(apart))
-    return apart > 8 * scale if scale > 0 else np.zeros(len(signal), bool)
+    distance = np.abs(signal - middle)
+    distance[:2] = distance[-2:] = 0.0
+    scale = 1.4826 * float(np.median(distance))
+    return distance > 8 * scale if scale > 0 else np.zeros(len(signal), bool)
 
 
 def slope_sigma(time: Floats, rate: float, white: float, flicker: float) -> float:

@@ -28,8 +28,8 @@ CHANNELS = {
 }
 #: Largest number of samples, from the beginning: seven minutes at 10 kHz.
 MAX_SAMPLES = 1 << 22
-#: Correlations of noises that count: at least this, and beyond chance by so many standard
-#: deviations.
+#: Least correlation of two noises that is reported, and its least ratio to the standard deviation
+#: of correlations by chance.
 LEAST_SHARED, SHARED_SIGMAS = 0.1, 5.0
 #: A jump of the time by more than this number of samples ends a section.
 JUMP_SAMPLES = 100
@@ -55,7 +55,7 @@ class NoiseReport:
 
     faults: reasons against a mirror at rest with steady light, in sentences; any of them makes the
     numbers invalid as noise.  position, power: noise for the configuration, mm at `at_power` and
-    mW.  common: the laser's noise as a share, common to the three powers.
+    mW.  common: relative noise that the three powers have in common: the laser's.
     """
 
     rate: float
@@ -72,14 +72,15 @@ class NoiseReport:
 
     @property
     def noise_pairs(self) -> list[tuple[str, str, float]]:
-        """Pairs of places on different detectors whose noises go together beyond chance, and their
-        correlation, the largest first. The powers have the laser's noise in common."""
-        least = max(LEAST_SHARED, SHARED_SIGMAS / np.sqrt(self.samples))
+        """Pairs of positions on different detectors whose noises are correlated beyond chance, with
+        the correlation, the largest first. Powers are omitted: they have the laser's noise in
+        common."""
+        limit = max(LEAST_SHARED, SHARED_SIGMAS / np.sqrt(self.samples))
         places = [n for n, name in enumerate(READING_COLUMNS) if not name.startswith("power")]
         pairs = [
             (READING_COLUMNS[i], READING_COLUMNS[j], float(self.correlation[i, j]))
             for i, j in combinations(places, 2)
-            if i // 3 != j // 3 and abs(self.correlation[i, j]) > least
+            if i // 3 != j // 3 and abs(self.correlation[i, j]) > limit
         ]
         return sorted(pairs, key=lambda pair: -abs(pair[2]))
 
@@ -150,14 +151,14 @@ def configured_deviation(
 ) -> float:
     """The configuration's standard deviation of one sample, in the column's unit."""
     if name in READING_COLUMNS:
-        whole = np.isfinite(readings).all(axis=1)
-        if not whole.any():
+        is_complete = np.isfinite(readings).all(axis=1)
+        if not is_complete.any():
             return float("nan")
-        every = standard_deviations(config.sensor, readings[whole].mean(axis=0))
+        every = standard_deviations(config.sensor, readings[is_complete].mean(axis=0))
         return float(every[READING_COLUMNS.index(name)])
-    whole_of = columns[f"u_{name}"]  # at rest the calibration's part does not scatter
-    known = columns.get(f"u_noise_{name}", whole_of)[rows]
-    return float(np.nanmean(known)) if np.isfinite(known).any() else float("nan")
+    total = columns[f"u_{name}"]  # at rest the calibration's part does not scatter
+    stated = columns.get(f"u_noise_{name}", total)[rows]
+    return float(np.nanmean(stated)) if np.isfinite(stated).any() else float("nan")
 
 
 def correlation(readings: Floats) -> Floats:
@@ -180,7 +181,7 @@ def position_noise(
 
 
 def power_noise(channels: dict[str, Channel], readings: Floats) -> tuple[float, float]:
-    """Noise of one power alone, mW, and the noise common to the three powers, as a share."""
+    """Noise of one power alone, mW, and the noise common to the three powers, as a fraction."""
     powers = readings[:, 2::3]
     powers = powers[np.isfinite(powers).all(axis=1)]
     mean = powers.mean(axis=0)
@@ -191,8 +192,8 @@ def power_noise(channels: dict[str, Channel], readings: Floats) -> tuple[float, 
         (1e-3 * channels[name].model.standard_deviation) ** 2 - common * mean[n] ** 2
         for n, name in enumerate(READING_COLUMNS[2::3])
     ])  # fmt: skip
-    least = np.diagonal(covariance) * mean**2 * 1e-6
-    return float(np.sqrt(np.mean(np.maximum(variances, least)))), float(np.sqrt(common))
+    floor = np.diagonal(covariance) * mean**2 * 1e-6
+    return float(np.sqrt(np.mean(np.maximum(variances, floor)))), float(np.sqrt(common))
 
 
 def noise_block(report: NoiseReport, resolved: dict[str, Any]) -> dict[str, Any]:

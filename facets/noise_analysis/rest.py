@@ -4,14 +4,14 @@ Electronics alone give white and flicker noise, independent between detectors, m
 slow drift. Every reading is tested against that, by the recording itself and not by the configured
 noise:
 
-light      no saturated converter, no dark detector, a steady total power
-steps      readings finer than the converter's steps, which otherwise hide the noise
-drift      the slope over the whole recording
-slow       the Allan deviation without the slope: for white and flicker noise it never rises with
-           the averaging time; for a motion, a step, or a random walk it does
-fast       prediction of one detector from the other two at every time scale: noise cannot be
-           predicted, a motion of the mirror or of the beam can, nearly completely
-bursts     a constant variance
+light      no saturated converter, no dark detector, a steady total power.
+steps      readings finer than the converter's steps, which otherwise hide the noise.
+drift      the slope over the whole recording.
+slow       the Allan deviation without the slope. For white and flicker noise it never rises with
+           the averaging time; for a motion, a step, or a random walk it does.
+fast       prediction of one detector from the other two at every time scale. Noise cannot be
+           predicted; a motion of the mirror or of the beam can, nearly completely.
+bursts     a constant variance.
 
 A finding must be beyond chance, and large enough to change the result of the recording, the
 standard deviation of one sample. The reference is the median scatter within short segments, about
@@ -44,14 +44,14 @@ Columns = dict[str, NDArray[Any]]
 #: The common conclusion of all findings, and the remedy.
 NOT_NOISE = "the noise of the bench cannot be estimated from this recording"
 REMEDY = "Record the mirror at rest, in steady light, with counts that are finer than the noise."
-#: Largest share of saturated or dark samples: a normal distribution that loses its upper thousandth
-#: has a standard deviation that is too small by a share of 0.005.
+#: Largest fraction of saturated or dark samples. A normal distribution without its upper thousandth
+#: has a standard deviation that is too small by 0.5 %.
 LOST_SHARE = 1e-3
 #: Largest relative change of the total power: the noise of a place is inversely proportional to the
 #: power, and is known to a twentieth.
 POWER_CHANGE = 0.05
-#: Largest share of equal successive readings: at a half, the noise is half a step of the converter,
-#: and the result would be the converter's step.
+#: Largest fraction of equal successive readings: at a half, the noise is half a step of the
+#: converter, and the result would be the converter's step.
 EQUAL_SHARE = 0.5
 #: Largest drift over the recording, relative to the scatter within segments. The result does not
 #: contain the drift; but if a fifth of the largest drift were uneven, this part would be as large
@@ -77,9 +77,9 @@ SEGMENTS, MIN_SEGMENT_SAMPLES = 64, 16
 BURST_SEGMENT_FACTOR, BURST_VARIANCE_RATIO = 4, 4.0
 #: Least number of differences for predicting one detector from the others.
 MIN_DIFFERENCES = 100
-#: A motion explains a slow change if at most this share of the change's squares remains.
+#: A motion explains a slow change if at most this fraction of the change's squares remains.
 UNEXPLAINED_SHARE = 0.1
-#: One detector has a slow change alone if at most this share of its squares is on the others.
+#: One detector has a slow change alone if at most this fraction of its squares is on the others.
 ELSEWHERE_SHARE = 0.05
 
 
@@ -122,22 +122,22 @@ def find_faults(
 
 def reading_faults(columns: Columns, config: Config) -> list[str]:
     """Find readings that hide the noise, in sentences: saturated, dark, or too coarse."""
-    least = least_light(config.sensor)
+    least_power = least_light(config.sensor)
     full = columns["flags"] & SATURATED > 0
     sentences = []
     for k, letter in enumerate(DETECTORS):
         names = READING_COLUMNS[3 * k : 3 * k + 3]
         values = np.stack([columns[name] for name in names])
         missing = ~np.isfinite(values).all(axis=0)
-        shares = {
+        fractions = {
             "saturated": float((full & missing).mean()),
-            "without light": float((~full & (missing | (values[2] < least[k]))).mean()),
+            "without light": float((~full & (missing | (values[2] < least_power[k]))).mean()),
         }
         lost = [
-            f"Detector {letter.upper()} is {words} in {percent(share)} of the samples (allowed: "
+            f"Detector {letter.upper()} is {words} in {percent(fraction)} of the samples (allowed: "
             f"{percent(LOST_SHARE)})."
-            for words, share in shares.items()
-            if share > LOST_SHARE
+            for words, fraction in fractions.items()
+            if fraction > LOST_SHARE
         ]
         equal = (np.diff(values, axis=1) == 0).mean(axis=1)
         if not lost and equal.max() > EQUAL_SHARE:
@@ -153,8 +153,8 @@ def reading_faults(columns: Columns, config: Config) -> list[str]:
 class Steady:
     """Tests of a recording's readings, evenly spaced, without spikes and mains.
 
-    Nine channels: places psi and zeta of each detector, um, and its share of the light, in
-    thousandths. The laser's power, which all three have in common, cancels in the shares.  noise:
+    Nine channels: places psi and zeta of each detector, um, and its part of the light, in
+    thousandths. The laser's power, which all three have in common, cancels in these parts.  noise:
     (9,), the median scatter within segments.
     """
 
@@ -202,10 +202,10 @@ class Steady:
 
     def drifting_channels(self) -> list[tuple[int, str]]:
         """Channels with a large slope; the worst of each detector."""
-        sure = np.abs(self.slope) > TAIL_SIGMAS * np.array(
+        is_significant = np.abs(self.slope) > TAIL_SIGMAS * np.array(
             [model.drift.sigma for model in self.models]
         )
-        size = np.where(sure, np.abs(self.slope) * self.length, 0.0)
+        size = np.where(is_significant, np.abs(self.slope) * self.length, 0.0)
         return [
             (n, f"{subject(n)} drifts by {amount(n, size[n])} over the recording, "
                 f"{digits(size[n] / self.noise[n])} times {self.scatter} (allowed: "
@@ -231,8 +231,8 @@ class Steady:
 
     def segment_means(self) -> Floats:
         """Means of the segments, with the drift: (segments, 9)."""
-        whole = self.rest + np.outer(self.time - self.time.mean(), self.slope)
-        return np.array([whole[rows].mean(axis=0) for rows in self.segments])
+        drifting = self.rest + np.outer(self.time - self.time.mean(), self.slope)
+        return np.array([drifting[rows].mean(axis=0) for rows in self.segments])
 
     def swing(self, channel: int) -> float:
         return float(np.ptp(self.segment_means()[:, channel]))
@@ -252,10 +252,10 @@ class Steady:
         """Find a common motion of the detectors, at the time scale where it is largest."""
         worst, size, allowed = (0.0, 0.0, 0), 1, self.allowed_variances()
         while len(self.rest) // size - 1 >= MIN_DIFFERENCES:
-            apart = np.diff(block_means(self.rest, size), axis=0) / self.noise
+            steps = np.diff(block_means(self.rest, size), axis=0) / self.noise
             powers = np.diff(block_means(self.powers, size), axis=0) / self.noise[2::3]
             for ratio, channel in (
-                *predictable_variances(apart, allowed),
+                *predictable_variances(steps, allowed),
                 *exchanged_variances(powers, allowed[2::3]),
             ):
                 worst = max(worst, (ratio, size / self.rate, channel))
@@ -396,38 +396,38 @@ def block_means(signals: Floats, size: int) -> Floats:
     return means
 
 
-def predictable_variances(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
+def predictable_variances(steps: Floats, allowed: Floats) -> list[tuple[float, int]]:
     """The variance of each place that the other detectors predict, relative to the allowed one.
 
-    apart: differences of neighbouring means (n, 9), over the noise. The regression of independent
+    steps: differences of neighbouring means (n, 9), over the noise. The regression of independent
     noise explains a part of about 6 / n, which counts as chance.
     """
     from scipy.special import gammaincinv
 
     ratios = []
     for n in (0, 1, 3, 4, 6, 7):
-        others = np.delete(apart, np.s_[3 * (n // 3) : 3 * (n // 3) + 3], axis=1)
-        fitted = others @ np.linalg.lstsq(others, apart[:, n], rcond=None)[0]
+        others = np.delete(steps, np.s_[3 * (n // 3) : 3 * (n // 3) + 3], axis=1)
+        fitted = others @ np.linalg.lstsq(others, steps[:, n], rcond=None)[0]
         explained = float(fitted @ fitted)
-        remaining = max(float(((apart[:, n] - fitted) ** 2).mean()), 1e-300)
+        remaining = max(float(((steps[:, n] - fitted) ** 2).mean()), 1e-300)
         if explained > remaining * 2 * gammaincinv(others.shape[1] / 2, 1 - CHANCE):
-            variance = (explained / len(apart) - remaining * others.shape[1] / len(apart)) / 2
+            variance = (explained / len(steps) - remaining * others.shape[1] / len(steps)) / 2
             ratios.append((variance / float(allowed[n]), n))
     return ratios
 
 
-def exchanged_variances(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
+def exchanged_variances(steps: Floats, allowed: Floats) -> list[tuple[float, int]]:
     """The variance of light exchanged between two detectors, relative to the allowed one.
 
-    apart: differences of neighbouring means of the powers (n, 3), over the noise. Independent noise
+    steps: differences of neighbouring means of the powers (n, 3), over the noise. Independent noise
     has no covariance, the laser's noise a positive one; light that moves from one detector to
     others has a negative one, of half its variance if both others get the same.
     """
-    covariance = apart.T @ apart / len(apart)
+    covariance = steps.T @ steps / len(steps)
     scale = np.sqrt(np.diagonal(covariance))
     ratios = []
     for first, second in ((0, 1), (1, 2), (0, 2)):
-        chance = TAIL_SIGMAS * scale[first] * scale[second] / len(apart) ** 0.5
+        chance = TAIL_SIGMAS * scale[first] * scale[second] / len(steps) ** 0.5
         if covariance[first, second] < -chance:
             variance = -covariance[first, second]  # twice the covariance, halved for a difference
             ratios.append((float(variance / allowed[first]), 3 * first + 2))
@@ -454,5 +454,5 @@ def digits(value: float) -> str:
     return f"{float(f'{value:.3g}'):,g}"
 
 
-def percent(share: float) -> str:
-    return f"{100 * share:.3g} %"
+def percent(fraction: float) -> str:
+    return f"{100 * fraction:.3g} %"

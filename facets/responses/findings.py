@@ -1,4 +1,4 @@
-"""What limits a frequency response, in sentences: averages, gaps, input, leakage, noise, light."""
+"""Describe the limits of a frequency response in sentences: averages, gaps, input, leakage, noise, light."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ FEW_AVERAGES = 10.0
 #: A peak is resolved if its half-power width is at least this number of lines: its height is then
 #: too low by a fiftieth at most.
 RESOLVED_LINES = 8.0
-#: A peak stands out of its surroundings by this factor, and has at least this coherence.
+#: A peak exceeds its surroundings by this factor, and has at least this coherence.
 PEAK_FACTOR, PEAK_COHERENCE = 3.0, 0.5
 #: Coherence is low below this: the random error is then above 0.4 of |H| over sqrt(n).
 LOW_COHERENCE = 0.75
-#: Share of the excited lines with a low coherence that is not worth a sentence.
+#: Fraction of the excited lines with a low coherence up to which it is not reported.
 SMALL_SHARE = 0.02
 #: The incoherent part of the output is the sensor's noise if it is at most this factor above it.
 NOISE_FACTOR = 2.0
-#: The input is called clipped if it is at one of its ends in this share of the rows, three times in
-#: succession, and this many times as often as at the value next to it. A sine in the steps of its
-#: converter has at most five times as many.
+#: The input counts as clipped if it is at one of its ends in this fraction of the rows, three times
+#: in succession. It must be there this many times as often as at the next value; a sine in the steps
+#: of its converter is there at most five times as often.
 CLIPPED_SHARE, CLIPPED_RATIO = 1e-3, 8.0
-#: Share of rows with a residual beyond chance from which the model is doubted; of right poses one
+#: Fraction of rows with a residual beyond chance from which the model is doubted; of right poses one
 #: in 10,000 has such a one.
 MISFIT_SHARE = 1e-3
 #: Of twentieths of the recording, the zero moved if the means of the last two and of the first two
-#: differ by this many usual steps, and by this share of the motion's standard deviation.
+#: differ by this many usual steps, and by this fraction of the motion's standard deviation.
 MOVED_STEPS, MOVED_SHARE = 8.0, 0.2
 #: Number of bands that a sentence names.
 MAX_BANDS = 3
@@ -69,11 +69,11 @@ def find_peaks(response: FrequencyResponse) -> list[Peak]:
     sizes = np.abs(response.h1) / floor
     together = np.sqrt((sizes[excited] ** 2).sum(axis=1))
     lines, _ = signal.find_peaks(np.log(together), prominence=np.log(PEAK_FACTOR))
-    least = max(PEAK_COHERENCE, response.significant_coherence)
+    required = max(PEAK_COHERENCE, response.significant_coherence)
     peaks = []
     for line in excited[lines].tolist():
         n = int(np.argmax(sizes[line]))
-        if response.coherence[line, n] > least:
+        if response.coherence[line, n] > required:
             size = np.abs(response.h1[:, n])
             width = half_power_width(size, line) * response.resolution
             peaks.append(
@@ -141,10 +141,10 @@ def gap_limits(response: FrequencyResponse, signals: ResponseSignals) -> Iterato
 
 def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Iterator[str]:
     """Sentences on bands without power, and on a clipped input."""
-    dark = bands(response.frequency, ~response.is_excited)
-    if dark:
+    silent = bands(response.frequency, ~response.is_excited)
+    if silent:
         yield (
-            f"The input has hardly any power {dark} (less than 1/10,000 of its largest density): "
+            f"The input has hardly any power {silent} (less than 1/10,000 of its largest density): "
             "there the response is not known."
         )
     if not response.is_stationary:
@@ -166,7 +166,7 @@ def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Itera
 
 
 def clipped_shares(stimulus: Floats) -> Iterator[float]:
-    """Shares of the rows of an input (n,) at which it stays at an end without need."""
+    """Yield the fraction of rows in which an input (n,) is clipped, for each clipped end."""
     for side in (stimulus, -stimulus):
         at_end = side == side.max()
         stays = at_end[2:] & at_end[1:-1] & at_end[:-2]
@@ -211,12 +211,12 @@ def zero_limits(signals: ResponseSignals) -> Iterator[str]:
     """A sentence on axes whose mean at the end is not that at the beginning."""
     motion = signals.motion[signals.usable]
     means = np.array([part.mean(axis=0) for part in np.array_split(motion, 20)])
-    apart = means[-2:].mean(axis=0) - means[:2].mean(axis=0)
+    shift = means[-2:].mean(axis=0) - means[:2].mean(axis=0)
     usual = np.median(np.abs(np.diff(means, axis=0)), axis=0)
-    least = np.maximum(MOVED_STEPS * usual, MOVED_SHARE * motion.std(axis=0))
+    limit = np.maximum(MOVED_STEPS * usual, MOVED_SHARE * motion.std(axis=0))
     sizes = [
         f"{axis} by {short_number(unit_of(axis).fine_factor * size)} {unit_of(axis).fine_unit}"
-        for axis, size, is_moved in zip(POSE, apart, np.abs(apart) > least, strict=True)
+        for axis, size, is_moved in zip(POSE, shift, np.abs(shift) > limit, strict=True)
         if is_moved
     ]
     if sizes:
@@ -277,8 +277,8 @@ def coherence_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator
     silent = silent_axes(response)
     for n, axis in enumerate(POSE):
         low = lines & (response.coherence[:, n] < LOW_COHERENCE)
-        share = low.sum() / max(lines.sum(), 1)
-        if share <= SMALL_SHARE or silent[n]:
+        fraction = low.sum() / max(lines.sum(), 1)
+        if fraction <= SMALL_SHARE or silent[n]:
             continue
         noisy = low & (rest[:, n] <= NOISE_FACTOR * response.noise_density[:, n])
         leaking = low & ~noisy & narrow
@@ -292,7 +292,7 @@ def coherence_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator
             which = "the cause of the others" if causes else "the cause"
             causes.append(f"{which} is unknown ({POSSIBLE_CAUSES})")
         yield (
-            f"The coherence of {axis} is below {LOW_COHERENCE:g} in {100 * share:.3g} % of the "
+            f"The coherence of {axis} is below {LOW_COHERENCE:g} in {100 * fraction:.3g} % of the "
             f"excited lines; {'; '.join(causes)}."
         )
 

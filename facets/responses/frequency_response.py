@@ -10,14 +10,14 @@ small. The random error of |H| (Bendat and Piersol, Random Data, 4th edition, se
 
     sigma(|H|) / |H| = sqrt((1 - coherence) / (2 coherence n)),
 
-n averages; the phase has as much in rad. Here n - 1 stands for n, because the incoherent part of
+n averages; the phase has as much in rad. Here n - 1 replaces n, because the incoherent part of
 the output is itself estimated from n averages and the input's line takes one of them. Overlapping
 segments share samples: n is the number of independent segments with the same variance.
 
 With several inputs, the response to each of them is estimated from conditioned spectra (ibid.,
-chapter 7): those of this input and of the outputs without the parts that go with the other inputs.
+chapter 7): those of this input and of the outputs without the parts due to the other inputs.
 H1, H2 and the coherence, then called partial, follow from these as above, and each other input
-takes one of the n averages. The multiple coherence is the share of an output's power that goes with
+takes one of the n averages. The multiple coherence is the fraction of an output's power that is due to
 all inputs together.
 """
 
@@ -42,18 +42,18 @@ if TYPE_CHECKING:
 DEFAULT_AVERAGES = 32.0
 #: Shortest segment, samples.
 MIN_SEGMENT_SAMPLES = 64
-#: Lowest lines left out: removing each segment's straight line changes them.
+#: Number of the lowest lines that are excluded: removing each segment's straight line changes them.
 SKIPPED_LINES = 2
 #: A step of the time that differs from the usual one by more than this share is a gap or a repeat.
 STEP_TOLERANCE = 0.5
-#: The times are uneven if the steps scatter by more than this share of a step.
+#: The times are uneven if the steps scatter by more than this fraction of a step.
 LARGEST_JITTER = 0.1
-#: The input does not excite a line if its density is below this share of the largest.
+#: The input does not excite a line if its density is below this fraction of the largest.
 EXCITED_SHARE = 1e-4
 #: An input is periodic if it correlates with itself a period later by this or more.
 PERIODIC_LIKENESS = 0.98
-#: Responses to several inputs are told apart if this share of an input's power does not go with the
-#: others, in the median line.
+#: Responses to several inputs are separated if at least this fraction of an input's power is
+#: independent of the others, in the median line.
 SEPARATE_SHARE = 1e-3
 INSEPARABLE = (
     "an input goes with the other inputs at most frequencies (coherence above "
@@ -282,9 +282,9 @@ def count_averages(starts: Sequence[Integers], window: Floats) -> float:
     shares = [(values / float(window @ window)) ** 2 for values in products]
     count = sum(len(values) for values in starts)
     pairs = sum(
-        2 * share * max(len(values) - n, 0)
+        2 * overlap * max(len(values) - n, 0)
         for values in starts
-        for n, share in enumerate(shares, 1)
+        for n, overlap in enumerate(shares, 1)
     )
     return count**2 / (count + pairs) if count else 0.0
 
@@ -346,7 +346,7 @@ def estimate_response(
 
     resolution: distance of lines, Hz; chosen for about 32 averages if None.  channel: how the
     outputs were measured.  others: (n, q) other inputs, whose parts are taken out. Raises
-    `InputError` if there are not two averages, or if the stimulus goes with the others.
+    `InputError` if there are not two averages, or if the stimulus follows the others.
     """
     others = np.empty((len(stimulus), 0)) if others is None else others
     period = 0 if others.size else find_period(stimulus, stretches)
@@ -388,8 +388,8 @@ def estimate_response(
 def choose_segments(
     stretches: Stretches, resolution: float | None, period: int, others: int
 ) -> tuple[SegmentOptions, float, int]:
-    """Choose the segments, and return with them the number of independent averages that is left
-    beside some other inputs, and the number of segments that gaps prevent.
+    """Choose the segments, and return with them the number of independent averages less one
+    for each other input, and the number of segments that gaps prevent.
 
     period: of the input, samples; 0 if it has none.
     """
@@ -448,22 +448,22 @@ class Spectra(NamedTuple):
 
 
 def separate_spectra(inputs: Floats, outputs: Floats, options: SegmentOptions) -> Spectra:
-    """Average the spectra of the first of the inputs (n, q) and of the outputs (n, d), and take out
-    of both what goes with the other inputs."""
+    """Average the spectra of the first of the inputs (n, q) and of the outputs (n, d), and remove
+    from both the parts due to the other inputs."""
     q = inputs.shape[1]
     cross, autos, input_share = average_spectra(np.column_stack([inputs, outputs]), q, options)
-    whole = autos[:, 0]
-    rest, kept = cross[:, 1:, 1:q], np.delete(cross[:, 1:], np.arange(1, q), axis=2)
+    power = autos[:, 0]
+    rest, chosen = cross[:, 1:, 1:q], np.delete(cross[:, 1:], np.arange(1, q), axis=2)
     try:  # of the first input and the outputs, over each other input
-        parts = np.linalg.solve(rest, kept)
+        parts = np.linalg.solve(rest, chosen)
     except np.linalg.LinAlgError:
         raise InputError(INSEPARABLE) from None
-    taken = (kept.conj() * parts).sum(axis=1).real  # of the powers, by the other inputs
-    g_xx = whole - taken[:, 0]
-    excited = whole >= EXCITED_SHARE * whole.max()
-    if np.median(g_xx[excited] / whole[excited]) < SEPARATE_SHARE:
+    taken = (chosen.conj() * parts).sum(axis=1).real  # of the powers, by the other inputs
+    g_xx = power - taken[:, 0]
+    excited = power >= EXCITED_SHARE * power.max()
+    if np.median(g_xx[excited] / power[excited]) < SEPARATE_SHARE:
         raise InputError(INSEPARABLE)
-    g_xy = cross[:, 0, q:] - np.einsum("mr,mrd->md", kept[:, :, 0].conj(), parts[:, :, 1:])
+    g_xy = cross[:, 0, q:] - np.einsum("mr,mrd->md", chosen[:, :, 0].conj(), parts[:, :, 1:])
     g_yy = autos[:, q:] - taken[:, 1:]
     frequency = np.asarray(np.fft.rfftfreq(len(options.window), 1 / options.rate), np.float64)
     with np.errstate(invalid="ignore"):  # an output may be zero in all rows
@@ -473,9 +473,11 @@ def separate_spectra(inputs: Floats, outputs: Floats, options: SegmentOptions) -
 def average_spectra(
     signals: Floats, inputs: int, options: SegmentOptions
 ) -> tuple[Complexes, Floats, Floats]:
-    """Averaged densities of signals (n, d): of each of the first, `inputs`, and every one (m,
-    inputs, d), and of each alone (m, d); and (m,) the first input's share of the segments, as
-    `FrequencyResponse.input_share`."""
+    """Average the densities of signals (n, d), of which the first `inputs` are inputs.
+
+    Returns the cross densities (m, inputs, d) of each input with each signal, the densities (m, d)
+    of each signal, and `FrequencyResponse.input_share` (m,) of the first input.
+    """
     count, length = len(options.starts), len(options.window)
     sums: list[Any] = [0.0, 0.0, 0.0]
     energy: list[Floats] = []

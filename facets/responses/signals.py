@@ -148,7 +148,7 @@ def measure_response(
     config
         The configuration of the sensor, with the point of interest (`object`).
     poses
-        Poses in time with the input beside them: the columns time_s (or board_us), tx_mm, ...,
+        Poses in time and the input: the columns time_s (or board_us), tx_mm, ...,
         yaw_mrad, and the input's.
     column
         The column of the input, such as force_n.
@@ -191,7 +191,7 @@ def respond(
     resolution_hz: float | None,
     is_corrected: bool = False,
 ) -> tuple[ResponseSignals, FrequencyResponse]:
-    """Estimate the receptances of the six axes to the first of the inputs, without what goes with
+    """Estimate the receptances of the six axes to the first of the inputs, without the parts due to
     the others.
 
     name: name of the columns' source, for messages.  is_corrected: whether the electronics' low

@@ -132,9 +132,9 @@ def function_set(
     length = 1.0 if axis in ANGLES else 1e-3
     is_response = function == FRF
     values = response.h1 * length / scale if is_response else response.coherence
-    known = np.nan_to_num(values[:, n])
-    data = np.zeros(lines[-1] + 1, known.dtype)
-    data[lines] = known
+    estimated = np.nan_to_num(values[:, n])
+    data = np.zeros(lines[-1] + 1, estimated.dtype)
+    data[lines] = estimated
     window = "no" if response.period else "Hann"
     coherence = "Coherence" if response.multiple_coherence is None else "Partial coherence"
     words = "Frequency response function H1" if is_response else coherence
