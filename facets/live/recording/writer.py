@@ -118,7 +118,7 @@ class Recording(ClosedAtExit, Sink):
         """Write a whole file, and sync it."""
         handle = self.disk.create(self.folder / name)
         try:
-            self.append_all(handle, data)
+            append_all(self.disk, handle, data)
             self.disk.sync(handle)
         finally:
             self.disk.close(handle)
@@ -142,18 +142,13 @@ class Recording(ClosedAtExit, Sink):
         before = self.sizes[name]
         try:
             for part in parts:
-                self.append_all(self.files[name], part)
+                append_all(self.disk, self.files[name], part)
         except OSError as error:
             with suppress(OSError):
                 self.disk.shorten(self.files[name], before)
             return error
         self.sizes[name] = before + sum(map(len, parts))
         return None
-
-    def append_all(self, handle: int, data: bytes) -> None:
-        view = memoryview(data)
-        while view:
-            view = view[self.disk.append(handle, view) :]
 
     def drop_poses(self) -> None:
         """Empty the file of the poses for good."""
@@ -288,6 +283,13 @@ class Recording(ClosedAtExit, Sink):
         for folder in self.above:
             with suppress(OSError):  # another run may have begun in it
                 folder.rmdir()
+
+
+def append_all(disk: Disk, handle: int, data: bytes) -> None:
+    """Append bytes to a file of a disk that may take a part of them at a time."""
+    view = memoryview(data)
+    while view:
+        view = view[disk.append(handle, view) :]
 
 
 class Syncer(threading.Thread):
