@@ -1,8 +1,8 @@
 """Model the noise of a steady signal: white and flicker noise, lines and drift, with intervals.
 
-Between lines, the model of the one-sided power spectral density is S(f) = white + flicker / f. It
-is fitted to the periodogram by Whittle's likelihood: the values of a periodogram are independent and
-exponentially distributed about S. Amplitudes of lines and the drift's slope are least-squares
+Between lines, the one-sided power spectral density is modelled as S(f) = white + flicker / f. It
+is fitted to the periodogram by Whittle's likelihood: the values of a periodogram are independent
+and exponentially distributed about S. Amplitudes of lines and the drift's slope are least-squares
 estimates with variances by S.
 """
 

@@ -1,4 +1,4 @@
-"""Describe the limits of a frequency response in sentences: averages, gaps, input, leakage, noise, light."""
+"""Sentences on the limits of a frequency response: averages, gaps, input, leakage, noise, light."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ LOW_COHERENCE = 0.75
 SMALL_SHARE = 0.02
 #: The incoherent part of the output is the sensor's noise if it is at most this factor above it.
 NOISE_FACTOR = 2.0
-#: The input counts as clipped if it is at one of its ends in this fraction of the rows, three times
-#: in succession. It must be there this many times as often as at the next value; a sine in the steps
-#: of its converter is there at most five times as often.
+#: The input counts as clipped if it is at one of its ends in this fraction of the rows, and three
+#: times in succession. It must be there this many times as often as at the next value; a sine in
+#: the steps of its converter is there at most five times as often.
 CLIPPED_SHARE, CLIPPED_RATIO = 1e-3, 8.0
-#: Fraction of rows with a residual beyond chance from which the model is doubted; of right poses one
-#: in 10,000 has such a one.
+#: Fraction of rows with a residual beyond chance above which the model is doubted; of right poses
+#: one in 10,000 has such a residual.
 MISFIT_SHARE = 1e-3
-#: Of twentieths of the recording, the zero moved if the means of the last two and of the first two
-#: differ by this many usual steps, and by this fraction of the motion's standard deviation.
+#: The zero moved if the means of the first and of the last tenth of the recording differ by this many
+#: usual steps between twentieths, and by this fraction of the motion's standard deviation.
 MOVED_STEPS, MOVED_SHARE = 8.0, 0.2
 #: Number of bands that a sentence names.
 MAX_BANDS = 3

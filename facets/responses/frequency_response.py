@@ -17,8 +17,8 @@ segments share samples: n is the number of independent segments with the same va
 With several inputs, the response to each of them is estimated from conditioned spectra (ibid.,
 chapter 7): those of this input and of the outputs without the parts due to the other inputs.
 H1, H2 and the coherence, then called partial, follow from these as above, and each other input
-takes one of the n averages. The multiple coherence is the fraction of an output's power that is due to
-all inputs together.
+takes one of the n averages. The multiple coherence is the fraction of an output's power that is
+due to all inputs together.
 """
 
 from __future__ import annotations
