@@ -33,7 +33,7 @@ CLIPPED_SHARE, CLIPPED_RATIO = 1e-3, 8.0
 #: Fraction of rows with a residual beyond chance above which the model is doubted; of right poses
 #: one in 10,000 has such a residual.
 MISFIT_SHARE = 1e-3
-#: The zero moved if the means of the first and of the last tenth of the recording differ by this many
+#: The zero moved if the means of the first and the last tenth of the recording differ by this many
 #: usual steps between twentieths, and by this fraction of the motion's standard deviation.
 MOVED_STEPS, MOVED_SHARE = 8.0, 0.2
 #: Number of bands that a sentence names.
