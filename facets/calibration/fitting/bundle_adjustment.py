@@ -261,35 +261,45 @@ def linearise_model(
     """The model linearised at values of `ALL`; a missing reading has zero weight."""
     own_values = pad_own_values(own_values)
     state = states_of(data, own_values, values)
-    seen = predict_readings(sensor, data, own_values, values, state)
+    predicted = predict_readings(sensor, data, own_values, values, state)
     sigma = deviations(sensor, data)
-    residual = (correct(sensor, data.raw) - seen) / sigma
+    residual = (correct(sensor, data.raw) - predicted) / sigma
     by_state = state_slopes(sensor, state)
-    light = relative_power(data, own_values, values)[:, None, None]
-    by_state[:, 2::3] *= light
-    pose = pose_of(data, own_values, values)
-    turning = Turning.from_pose(pose, values[block(MOUNTING)], state)
-    by_own = own_columns(by_state, turning, seen, light[:, 0])
-    bent = any(name in SPLINE for name in choice.names)
-    every = np.zeros((len(state), 9, len(ALL) if bent else block(SPLINE).start))
-    if bent:
-        every[:, :, block(SPLINE)] = -spline_slopes(sensor, data.raw)
-    every[:, :, : len(GEOMETRY) + len(SHAPE)] = sensor_derivatives(sensor, state)
-    every[:, 2::3, : len(GEOMETRY) + len(SHAPE)] *= light
-    every[:, :, block(NAMES)] = -correction_slopes(sensor, data.raw)
-    if any(name in EFFECTS for name in choice.names):
-        every[:, :, block(EFFECTS)] = effect_columns(sensor, state, choice)
-        every[:, 2::3, block(EFFECTS)] *= light
-    every[:, :, block(MOUNTING)] = mounting_columns(by_state, turning)
-    add_run(every, data, by_own, by_state, values[PLACE[DELAY]])
-    common, by_own = every[:, :, choice.places] / sigma[:, :, None], by_own * OWN_UNITS
-    by_own = by_own / sigma[:, :, None]
-    known = (
+    power = relative_power(data, own_values, values)[:, None, None]
+    by_state[:, 2::3] *= power
+    turning = Turning.from_pose(pose_of(data, own_values, values), values[block(MOUNTING)], state)
+    by_own = own_columns(by_state, turning, predicted, power[:, 0])
+    columns = sensor_columns(sensor, data.raw, state, power, choice)
+    columns[:, :, block(MOUNTING)] = mounting_columns(by_state, turning)
+    add_run(columns, data, by_own, by_state, values[PLACE[DELAY]])
+    common = columns[:, :, choice.places] / sigma[:, :, None]
+    by_own = by_own * OWN_UNITS / sigma[:, :, None]
+    is_finite = (
         np.isfinite(residual) & np.isfinite(common).all(axis=2) & np.isfinite(by_own).all(axis=2)
     )
     for part in (residual, common, by_own):
-        part[~known] = 0.0
+        part[~is_finite] = 0.0
     return Linear(residual, common, by_own)
+
+
+def sensor_columns(
+    sensor: Sensor, raw: Floats, state: Floats, power: Floats, choice: Choice
+) -> Floats:
+    """The derivatives of the readings by `ALL` (n, 9, p), in which those by the sensor's own
+    parameters are filled in; without columns of splines where the choice has none.
+
+    power: (n, 1, 1) of the laser, relative to `beam.power`.
+    """
+    is_bent = any(name in SPLINE for name in choice.names)
+    columns = np.zeros((len(state), 9, len(ALL) if is_bent else block(SPLINE).start))
+    columns[:, :, block((*GEOMETRY, *SHAPE))] = sensor_derivatives(sensor, state)
+    if any(name in EFFECTS for name in choice.names):
+        columns[:, :, block(EFFECTS)] = effect_columns(sensor, state, choice)
+    columns[:, 2::3] *= power
+    columns[:, :, block(NAMES)] = -correction_slopes(sensor, raw)
+    if is_bent:
+        columns[:, :, block(SPLINE)] = -spline_slopes(sensor, raw)
+    return columns
 
 
 def effect_columns(sensor: Sensor, state: Floats, choice: Choice) -> Floats:
