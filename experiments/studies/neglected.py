@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import facets
-from facets.calibration.fitting.bundle_adjustment import Choice, Data
+from facets.calibration.fitting.bundle_adjustment import Data
 from facets.calibration.fitting.fit import fit
+from facets.calibration.fitting.unknowns import Choice
 from facets.core.sensor import BenchLight, Sensor
 from facets.core.units import Floats
 from facets.detectors.correction import correct

@@ -4,8 +4,8 @@ unknowns.
 The sensor's parameters, the corrections of its detectors, the effects of real light and the
 mirror's place on the reference are common to all samples. Each sample has its own unknowns: the
 part of its pose that the reference does not measure and, where they change, the laser's power and
-the beam's position. They are eliminated from the normal equations (Schur complement), so that any
-number of samples needs one small system. All derivatives are closed.
+the beam's position. These are eliminated from the normal equations (Schur complement), so that the
+system that remains is small for any number of samples. All derivatives are in closed form.
 """
 
 from __future__ import annotations
@@ -48,18 +48,15 @@ from .unknowns import (
     block,
     sensor_derivatives,
     spline_slopes,
-    values_of,
 )
-
-__all__ = ["ALL", "MOUNTING", "Choice", "values_of"]
-
 
 #: Number of a sample's own unknowns: the pose, the laser's power and the beam's position.
 OWN_COUNT = 9
-#: Their units: um and urad of the pose, a thousandth of the power, um of the beam.
+#: Units of a sample's own unknowns: um and urad of the pose, a thousandth of the power, um of the
+#: beam.
 OWN_UNITS = np.array([*FINE_UNITS[:6], 1e-3, 1e-3, 1e-3])
-#: What is clear, such as a step of the reference, is so many times its standard uncertainty; what
-#: counts in readings or poses is this share of their noise.
+#: A quantity such as a step of the reference is clear if it exceeds its standard uncertainty this
+#: many times; an effect on readings or poses counts from this fraction of their noise.
 CLEAR_SIGMAS, LEAST_COUNTED = 4.0, 0.3
 #: Residual, in standard deviations, of a reading for which the model has no value.
 MISSING_RESIDUAL = 1e4
@@ -69,12 +66,12 @@ Rows = NDArray[np.bool_] | NDArray[np.int64] | slice
 
 
 class Moves(NamedTuple):
-    """How the reference moved about each sample, in the order of the rows.
+    """The reference's motion about each sample, in the order of the rows.
 
-    approach: (n, 6) the signs of each axis's last step; 0 where none is known.  last: (n, 6) by how
-    much it moved since the row before.  before: (n, 9) the readings of that row.  following: (n, 6)
-    by how much it moves to the row behind.  bend: (n, 6) the second difference of its poses there,
-    by the two rows on both sides alone.
+    approach: (n, 6) the sign of each axis's last clear step; 0 before the first one.  last: (n, 6)
+    the step from the previous row, mm and rad.  before: (n, 9) the readings of the previous row.
+    following: (n, 6) the step to the next row.  bend: (n, 6) the second difference of the poses,
+    estimated from the two rows on either side, without the row itself.
     """
 
     approach: Floats
@@ -88,19 +85,20 @@ class Moves(NamedTuple):
 
 
 class Data(NamedTuple):
-    """The samples of a calibration.  raw: (n, 9) as the detectors gave them.  pose: (n, 6) by the
-    reference, mm and rad.
+    """The samples of a calibration.
 
-    sigma: (6,) its standard uncertainty; infinite for an axis that it does not measure, whose
-    column then holds the initial guess. beam: (n, 2) mm. velocity, acceleration: (n, 6) in mm, rad
-    and s. clock: (n, 3) by `CLOCKS`: time in half runs from -1 to 1, temperature less its mean, K,
-    and one of `pasts` or zero. pasts: (n, m) by how much things that follow the temperature late,
-    or that a thermometer follows, are warmer than it, K. noise: (n, 9) standard
-    deviations of the readings, which then follow no unknown. slow: (n, 5) polynomials for the
-    laser's power over the run. moves: from row to row. rows: (n,)
-    number of rows of the table in a sample's mean; None where each sample is one row. number: (n,)
-    the table's row, from 1, or the number of the stand where rows were averaged. temperature: the
-    mean one, degrees Celsius.
+    raw: (n, 9) readings as the detectors gave them.  pose: (n, 6) the reference's pose, mm and rad.
+    sigma: (6,) the reference's standard uncertainty; infinite for an axis that it does not measure,
+    whose column of `pose` then holds the initial guess.  beam: (n, 2) the beam's position, mm.
+    velocity, acceleration: (n, 6) of the reference, in mm, rad and s.  clock: (n, 3) in the order
+    of `CLOCKS`: time in half runs from -1 to 1, temperature minus its mean, K, and one of `pasts`,
+    or zero.  pasts: (n, m) temperature, relative to the column `temperature_c`, of parts that
+    follow it late, or that the thermometer follows late, K.  noise: (n, 9) standard deviations of
+    the readings; None to compute them from the readings.  slow: (n, 5) polynomials of the run for
+    the laser's power.  moves: the motion from row to row.  rows: (n,) number of rows of the table
+    in the mean of a sample; None where each sample is one row.  number: (n,) the table's row, from
+    1, or the number of the dwell where rows were averaged.  temperature: mean temperature, degrees
+    Celsius.
     """
 
     raw: Floats
@@ -119,15 +117,15 @@ class Data(NamedTuple):
     temperature: float | None = None
 
     def part(self, rows: Rows) -> Data:
-        kept = {
+        columns = {
             name: value[rows]
             for name, value in self._asdict().items()
             if value is not None and name not in ("sigma", "temperature", "moves")
         }
-        return self._replace(**kept, moves=self.moves and self.moves.part(rows))
+        return self._replace(**columns, moves=self.moves and self.moves.part(rows))
 
     def follow(self, n: int) -> Data:
-        """The samples in which something follows the temperature by one of `pasts`."""
+        """The samples whose clock has column n of `pasts`."""
         clock = None
         if self.clock is not None and self.pasts is not None:
             clock = np.column_stack([self.clock[:, :-1], self.pasts[:, n]])
@@ -135,8 +133,8 @@ class Data(NamedTuple):
 
 
 def pose_of(data: Data, own_values: Floats, values: Floats) -> Floats:
-    """The reference's pose of each sample (n, 6), with the delay and the sample's own part added
-    and backlash and lag subtracted."""
+    """The pose of the mirror's mount at each sample (n, 6): the reference's, with the delay and the
+    sample's own part added and backlash and lag subtracted."""
     pose: Floats = data.pose + own_values[:, :6]
     if data.moves is not None:
         pose = pose - values[block(BACKLASH)] * data.moves.approach
@@ -148,7 +146,7 @@ def pose_of(data: Data, own_values: Floats, values: Floats) -> Floats:
 
 
 def velocity_after(data: Data, late: float) -> Floats:
-    """The velocities (n, 6) at a time after that of the samples, s; of a motion in time."""
+    """The velocities (n, 6) of a motion in time, `late` seconds after each sample."""
     assert data.velocity is not None
     if data.acceleration is None or not late:
         return data.velocity
@@ -188,15 +186,15 @@ def relative_power(data: Data, own_values: Floats, values: Floats) -> Floats:
 
 def add_power_polynomials(data: Data) -> Data:
     """Add Legendre polynomials of time, or of the rows' order, for the laser's power."""
-    there = data.clock is not None and data.clock[:, 0].any()
-    time = data.clock[:, 0] if there else np.linspace(-1, 1, len(data.raw))  # type: ignore[index]
+    has_time = data.clock is not None and data.clock[:, 0].any()
+    time = data.clock[:, 0] if has_time else np.linspace(-1, 1, len(data.raw))  # type: ignore[index]
     count = len(POWER_DRIFT)
     return data._replace(slow=np.polynomial.legendre.legvander(time, count)[:, 1:])
 
 
 def add_approach(data: Data) -> Data:
-    """Add each axis's last step and next one, its direction, and the readings before it; the rows
-    are in the order of the motion."""
+    """Add the reference's motion from row to row (`Moves`); the rows are in the order of the
+    motion."""
     step = np.diff(data.pose, axis=0, prepend=data.pose[:1])
     sign = np.where(np.abs(step) > CLEAR_SIGMAS * data.sigma, np.sign(step), 0.0)
     last = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
@@ -217,16 +215,18 @@ def predict_readings(
     sensor: Sensor, data: Data, own_values: Floats, values: Floats, state: Floats
 ) -> Floats:
     """The readings (n, 9) of perfect detectors at states (n, 8), with each sample's own power."""
-    seen = readings(sensor, state)
-    add_skew(seen, sensor, data, own_values, values)
-    seen[:, 2::3] *= relative_power(data, own_values, values)[:, None]
-    seen[:, PLACES] += drift(data, values)[:, 2:]
-    return seen
+    predicted = readings(sensor, state)
+    add_skew(predicted, sensor, data, own_values, values)
+    predicted[:, 2::3] *= relative_power(data, own_values, values)[:, None]
+    predicted[:, PLACES] += drift(data, values)[:, 2:]
+    return predicted
 
 
-def add_skew(seen: Floats, sensor: Sensor, data: Data, own_values: Floats, values: Floats) -> None:
-    """Replace the readings of detectors that are read later than the stated time by those at that
-    later time."""
+def add_skew(
+    predicted: Floats, sensor: Sensor, data: Data, own_values: Floats, values: Floats
+) -> None:
+    """Replace the predicted readings of detectors that are read after the stated time by those at
+    the later time."""
     if data.velocity is None:
         return
     for k, name in enumerate(SKEW):
@@ -235,7 +235,7 @@ def add_skew(seen: Floats, sensor: Sensor, data: Data, own_values: Floats, value
             later[PLACE[DELAY]] += values[PLACE[name]]
             state = states_of(data, own_values, later)
             part = slice(3 * k, 3 * k + 3)
-            seen[:, part] = readings(sensor, state)[:, part]
+            predicted[:, part] = readings(sensor, state)[:, part]
 
 
 class Linear(NamedTuple):
@@ -258,7 +258,7 @@ def deviations(sensor: Sensor, data: Data) -> Floats:
 def linearise_model(
     sensor: Sensor, data: Data, own_values: Floats, values: Floats, choice: Choice
 ) -> Linear:
-    """The model linearised at values of `ALL`; a missing reading has zero weight."""
+    """Linearise the model at values of `ALL`; a missing reading has zero weight."""
     own_values = pad_own_values(own_values)
     state = states_of(data, own_values, values)
     predicted = predict_readings(sensor, data, own_values, values, state)
@@ -339,13 +339,16 @@ class Turning(NamedTuple):
         )
 
 
-def own_columns(by_state: Floats, turning: Turning, seen: Floats, light: Floats) -> Floats:
-    """The derivatives of the readings by each sample's own unknowns (n, 9, 9), per mm, rad and
-    share."""
+def own_columns(by_state: Floats, turning: Turning, predicted: Floats, power: Floats) -> Floats:
+    """The derivatives (n, 9, 9) of the predicted readings by each sample's own unknowns, per mm,
+    rad and relative power.
+
+    power: (n, 1) of the laser, relative to `beam.power`.
+    """
     columns = np.zeros((len(by_state), 9, OWN_COUNT))
     columns[:, :, :3] = by_state[:, :, :3]
     columns[:, :, 3:6] = by_state[:, :, :3] @ turning.lever + by_state[:, :, 3:6] @ turning.angles
-    columns[:, 2::3, 6] = seen[:, 2::3] / light
+    columns[:, 2::3, 6] = predicted[:, 2::3] / power
     columns[:, :, 7:] = by_state[:, :, 6:]
     return columns
 
@@ -363,7 +366,11 @@ def mounting_columns(by_state: Floats, turning: Turning) -> Floats:
 
 
 def add_run(every: Floats, data: Data, by_own: Floats, by_state: Floats, late: float) -> None:
-    """Fill the columns of changes over the run: the laser, the delay, the last step, the drifts."""
+    """Fill in the columns of changes over the run: the laser's power, delays, backlash, lag and
+    drifts.
+
+    late: the reference's delay, s.
+    """
     if data.slow is not None:
         every[:, :, block(POWER_DRIFT)] = by_own[:, :, 6:7] * data.slow[:, None, :]
     if data.velocity is not None:
@@ -394,23 +401,23 @@ def pad_own_values(own_values: Floats) -> Floats:
 
 
 def residuals(sensor: Sensor, data: Data, own_values: Floats, values: Floats) -> Floats:
-    """Residuals (n, 9) in standard deviations; 0 without a reading, `MISSING_RESIDUAL` without a
-    model."""
+    """Residuals (n, 9) in standard deviations; 0 for a missing reading, `MISSING_RESIDUAL` where
+    the model has no value."""
     state = states_of(data, own_values, values)
-    seen = predict_readings(sensor, data, own_values, values, state)
-    over: Floats = (correct(sensor, data.raw) - seen) / deviations(sensor, data)
-    over[~np.isfinite(over)] = MISSING_RESIDUAL
-    over[~np.isfinite(data.raw)] = 0.0
-    return over
+    predicted = predict_readings(sensor, data, own_values, values, state)
+    ratio: Floats = (correct(sensor, data.raw) - predicted) / deviations(sensor, data)
+    ratio[~np.isfinite(ratio)] = MISSING_RESIDUAL
+    ratio[~np.isfinite(data.raw)] = 0.0
+    return ratio
 
 
 class Normal(NamedTuple):
-    """Normal equations without the samples' own unknowns, and the solution for those.
+    """Normal equations after elimination of the samples' own unknowns.
 
-    matrix: (p, p), side: (p,) of the data alone.  back: (n, 9, p + 1), own unknowns = back[p] -
-    back[:p] x.  inner: (n, 9, 9) the information on the samples' own unknowns, including the prior.
-    fall: by how much a step of the samples' own unknowns lowers chi-square.  level: chi-square
-    after that step.
+    matrix: (p, p) and side: (p,) of the data, without the prior of the common unknowns x.  back:
+    (n, 9, p + 1); the step of the samples' own unknowns is back[p] - back[:p] x.  inner: (n, 9, 9)
+    information on the samples' own unknowns, with their prior.  fall: decrease of chi-square by a
+    step of the samples' own unknowns alone.  level: chi-square after that step.
     """
 
     matrix: Floats
@@ -422,15 +429,15 @@ class Normal(NamedTuple):
 
 
 def own_sigma(data: Data, choice: Choice) -> Floats:
-    """Prior standard uncertainties (9,) of a sample's own unknowns, mm, rad and shares."""
+    """Prior standard uncertainties (9,) of a sample's own unknowns: mm, rad and relative power."""
     return np.array([*data.sigma, choice.power, choice.beam, choice.beam])
 
 
 def own_information(sigma: Floats) -> Floats:
-    """Information (9,) in `OWN_UNITS`; bounded for unknowns that are known exactly."""
+    """Prior information (9,) in `OWN_UNITS`; bounded for unknowns that are known exactly."""
     with np.errstate(divide="ignore"):
-        known = np.where(np.isfinite(sigma), OWN_UNITS / sigma, 0.0) ** 2
-    bounded: Floats = np.minimum(known, 1e18)
+        information = np.where(np.isfinite(sigma), OWN_UNITS / sigma, 0.0) ** 2
+    bounded: Floats = np.minimum(information, 1e18)
     return bounded
 
 
@@ -440,18 +447,18 @@ def eliminate_own_unknowns(
     """Eliminate each sample's own unknowns from the normal equations.
 
     own_values: (n, 9) present values of the samples' own unknowns.  sigma: (9,) their prior
-    uncertainties, or (6,) those of the reference alone with constant power and beam.
+    uncertainties, or (6,) those of the reference alone where power and beam are constant.
     """
     own_values = pad_own_values(own_values)
-    known = own_information(np.pad(sigma, (0, OWN_COUNT - len(sigma))))
+    prior = own_information(np.pad(sigma, (0, OWN_COUNT - len(sigma))))
     common, by_own = model.common * weights[:, :, None], model.own * weights[:, :, None]
-    by_own = by_own * (known < 1e18)
+    by_own = by_own * (prior < 1e18)
     residual = model.residual * weights
     inner = np.swapaxes(by_own, 1, 2) @ by_own
-    inner += np.diag(known + 1e-18)
+    inner += np.diag(prior + 1e-18)
     across = np.swapaxes(by_own, 1, 2) @ common
-    beside = np.where(known < 1e18, own_values / OWN_UNITS, 0.0)
-    pull = (np.swapaxes(by_own, 1, 2) @ residual[:, :, None])[:, :, 0] - known * beside
+    offset = np.where(prior < 1e18, own_values / OWN_UNITS, 0.0)
+    pull = (np.swapaxes(by_own, 1, 2) @ residual[:, :, None])[:, :, 0] - prior * offset
     back = np.linalg.solve(inner, np.concatenate([across, pull[:, :, None]], axis=2))
     size = common.shape[2]
     rows, column = common.reshape(-1, size), residual.ravel()
@@ -459,5 +466,5 @@ def eliminate_own_unknowns(
     matrix = rows.T @ rows - flat.T @ back[:, :, :size].reshape(-1, size)
     side = rows.T @ column - flat.T @ back[:, :, size].ravel()
     fall = float((pull * back[:, :, size]).sum())
-    level = float(column @ column + (known * beside**2).sum()) - fall
+    level = float(column @ column + (prior * offset**2).sum()) - fall
     return Normal((matrix + matrix.T) / 2, side, back, inner, fall, level)

@@ -1,10 +1,10 @@
 """Fit the sensor's parameters to readings of a motion that a reference measures, in all axes or
 some.
 
-The frame is the reference's: its axes are those of the world, whose origin lies on the beam and at
-the apex's height while the reference is at zero; and the mirror's own axes are those that the
-reference moves. So every parameter can be determined in principle; `motions` describes what
-a motion does not determine.
+The frame is the reference's. Its axes are those of the world, whose origin lies on the beam and at
+the apex's height while the reference is at zero. The mirror's own axes are those that the reference
+moves. So every parameter can be determined in principle; `motions` describes what a motion does not
+determine.
 
 The most probable values minimise
 
@@ -12,8 +12,8 @@ The most probable values minimise
 
 over the common unknowns x and each sample's own (Levenberg-Marquardt on the normal equations
 without the latter). The fit has settled when another step would lower chi-square by less than
-`StoppingRule.fall`: then every value is within 0.03 of its standard uncertainty. A rule on the size
-of steps would follow the weakest direction for ever.
+`StoppingRule.fall`: then every value is within 0.03 standard uncertainties of the optimum. A limit
+on the size of steps would follow the weakest direction for ever.
 """
 
 from __future__ import annotations
@@ -58,22 +58,22 @@ from .unknowns import (
     values_of,
 )
 
-#: Damping beyond which no step leads anywhere.
+#: Damping beyond which no step lowers chi-square.
 MAX_DAMPING = 1e10
-#: Residuals over the noise, as a root mean square, from which on a fit misses something.
+#: Ratio of residuals (r.m.s.) to noise above which the model does not describe the samples.
 MISFIT_SIGMAS = 1.3
-#: Unknowns that cannot be negative, and where a fit holds them, mm: a roll-off without a width has
-#: no derivative.
+#: Lower bounds of unknowns that cannot be negative, mm; a roll-off without a width has no
+#: derivative.
 LOWER_BOUNDS_MM = {"rolloff.width": 1e-3, "light.wavelength": 0.0}
-#: The detectors' gains.
+#: The names of the detectors' gains.
 GAINS = tuple(f"correction_{letter}.power" for letter in DETECTORS)
-#: From the median of absolute residuals to a standard deviation.
+#: Ratio of the standard deviation to the median of absolute values, of a normal distribution.
 NORMAL_MEDIAN = 1.4826
 
 
 class StoppingRule(NamedTuple):
-    """When a fit ends: after a number of steps, or where another would lower chi-square by less
-    than `fall`."""
+    """The end of a fit: after a number of steps, or where another step would lower chi-square by
+    less than `fall`."""
 
     steps: int = 60
     fall: float = 1e-3
@@ -88,16 +88,16 @@ class Fit:
     """The result of a fit.
 
     sensor: the calibrated sensor.  choice: the unknowns.  values: (p,) values of the unknowns, in
-    mm, rad, mW and shares.  covariance: (p, p) of these values, as the noise of readings and
-    reference alone would have it.  all_values: the fitted values of all names in `ALL`.
-    own_values: (n, 9) the values of each sample's own unknowns: its pose relative to the
-    reference's, its share of the laser's power, its position of the beam.  residuals: (n, 9) in
-    standard deviations of the readings.  weights: (n, 9) of the readings, below 1 for outliers.
-    redundancy: (n, 9) the variance that a residual has, as a share of its reading's: how far other
-    readings check it.  loss: the sum that the fit minimised.  chi_square, freedom: chi-square and
-    degrees of freedom of all readings but the outliers.  limit: the size of a residual beyond which
-    its reading is an outlier.  steps: number of steps that the fit took.  ended: whether it
-    settled.  cause: why it did not settle, in words.
+    mm, rad, mW and fractions.  covariance: (p, p) of these values, from the noise of readings and
+    reference alone.  all_values: the fitted values of all names in `ALL`.  own_values: (n, 9) the
+    values of each sample's own unknowns: its pose relative to the reference's, the relative change
+    of the laser's power, the beam's position.  residuals: (n, 9) in standard deviations of the
+    readings.  weights: (n, 9) of the readings, below 1 for outliers.  redundancy: (n, 9) the ratio
+    of a residual's variance to that of its reading, which says how far other readings check it.
+    loss: the sum that the fit minimised.  chi_square, freedom: chi-square and degrees of freedom of
+    all readings without the outliers.  limit: the size of a residual beyond which its reading is an
+    outlier.  steps: number of steps of the fit.  ended: whether the fit settled.  cause: why it did
+    not settle, in words.
     """
 
     sensor: Sensor
@@ -123,24 +123,24 @@ class Fit:
 
     @property
     def apex(self) -> Floats:
-        """Position of the apex relative to the beam, with the reference at zero, in the first
-        seating (3,), mm."""
+        """Position (3,) of the apex relative to the beam while the reference is at zero, mm."""
         return self.all_values[block(APEX)]
 
     @property
     def reduced_chi_square(self) -> float:
-        """Chi-square per degree of freedom: 1 if model and noise are right."""
+        """Chi-square per degree of freedom; its expectation is 1 if model and noise are right."""
         return self.chi_square / max(self.freedom, 1.0)
 
     @property
     def excess(self) -> float:
-        """Excess of `reduced_chi_square` over what chance allows (4 standard deviations), or 0."""
-        chance = 4 * float(np.sqrt(2 / max(self.freedom, 1.0)))
-        return max(0.0, self.reduced_chi_square - 1 - chance)
+        """Excess of `reduced_chi_square` over 1 and four of its standard deviations, or 0."""
+        four_sigmas = 4 * float(np.sqrt(2 / max(self.freedom, 1.0)))
+        return max(0.0, self.reduced_chi_square - 1 - four_sigmas)
 
 
 def solve_open_axes(data: Data, sensor: Sensor) -> Floats:
-    """Initial guess of the poses relative to the reference, solved with the nominal sensor."""
+    """Initial guess (n, 9) of the samples' own unknowns: axes that the reference does not measure,
+    solved with the nominal sensor; all others zero."""
     own_values = np.zeros((len(data.pose), OWN_COUNT))
     free = np.isinf(data.sigma)
     if free.any():
@@ -152,7 +152,11 @@ def solve_open_axes(data: Data, sensor: Sensor) -> Floats:
 
 @dataclass(frozen=True)
 class Guess:
-    """Present values of a fit.  values: of `ALL`.  own_values: (n, 9).  residual: (n, 9)."""
+    """Values during a fit, and the sensor that they make.
+
+    values: of `ALL`.  own_values: (n, 9) of the samples' own unknowns.  residual: (n, 9) in
+    standard deviations of the readings.
+    """
 
     sensor: Sensor
     values: Floats
@@ -173,7 +177,7 @@ class Task:
     def __init__(self, sensor: Sensor, data: Data, choice: Choice, robust: float | None) -> None:
         if len(data.raw) < 2 or not len(choice.names):
             raise InputError("a calibration needs two samples and one parameter, at least")
-        # noise that followed the gains would be made larger, for a smaller chi-square
+        # If the noise followed the gains, the fit would enlarge it to lower chi-square.
         self.data = data._replace(noise=deviations(sensor, data))
         self.nominal, self.choice, self.robust = sensor, choice, robust
         self.start = values_of(sensor)
@@ -183,7 +187,7 @@ class Task:
         self.is_known = self.own_sigma == 0
 
     def guess(self, values: Floats, own_values: Floats) -> Guess:
-        """Evaluate values; raise `InputError` if they make no sensor."""
+        """Evaluate the residuals at some values; raise `InputError` if they make no sensor."""
         sensor = assign_values(self.nominal, values)
         own_values = np.where(self.is_known, 0.0, own_values)
         if (own_values[:, 6] <= -0.9).any():
@@ -191,11 +195,12 @@ class Task:
         return Guess(sensor, values, own_values, residuals(sensor, self.data, own_values, values))
 
     def outlier_limit(self, at: Guess) -> float:
-        """The residual beyond which a reading has less weight, relative to most residuals."""
+        """The size of a residual beyond which its reading has less weight; larger where most
+        residuals exceed the noise."""
         if self.robust is None:
             return np.inf
-        there = np.abs(at.residual[np.isfinite(self.data.raw)])
-        middle = float(np.median(there)) if there.size else 0.0
+        sizes = np.abs(at.residual[np.isfinite(self.data.raw)])
+        middle = float(np.median(sizes)) if sizes.size else 0.0
         return self.robust * max(1.0, NORMAL_MEDIAN * middle)
 
     def cost(self, at: Guess, limit: float) -> float:
@@ -204,13 +209,14 @@ class Task:
         loss = size**2
         if np.isfinite(limit):
             loss = np.where(size > limit, 2 * limit * size - limit**2, loss)
-        known = np.isfinite(self.own_sigma) & ~self.is_known
-        beside = at.own_values[:, known] / self.own_sigma[known]
-        before = (at.values - self.start)[self.choice.places]
-        return float(loss.sum() + (beside**2).sum() + before @ self.prior @ before)
+        has_prior = np.isfinite(self.own_sigma) & ~self.is_known
+        own_offset = at.own_values[:, has_prior] / self.own_sigma[has_prior]
+        offset = (at.values - self.start)[self.choice.places]
+        return float(loss.sum() + (own_offset**2).sum() + offset @ self.prior @ offset)
 
     def linearise(self, at: Guess, limit: float) -> tuple[Linear, Floats, Normal]:
-        """The linearised model, the roots of the readings' weights, and the normal equations."""
+        """The linearised model, the square roots of the readings' weights, and the normal
+        equations."""
         model = linearise_model(at.sensor, self.data, at.own_values, at.values, self.choice)
         weights = huber_roots(model.residual, limit)
         return model, weights, eliminate_own_unknowns(model, weights, at.own_values, self.own_sigma)
@@ -225,7 +231,7 @@ class Descent(Task):
         return normal.matrix + self.prior, side
 
     def take_step(self, at: Guess, normal: Normal, step: Floats) -> Guess | None:
-        """The guess after a step; None if it makes no sensor."""
+        """The guess after a step, at most to the lower bounds; None if it makes no sensor."""
         values, places = at.values.copy(), self.choice.places
         is_beyond = values[places] + step < self.bounds
         if is_beyond.any():
@@ -237,7 +243,7 @@ class Descent(Task):
         return None
 
     def hold_at_bounds(self, at: Guess, matrix: Floats, side: Floats) -> tuple[Floats, Floats]:
-        """The normal equations without the unknowns that would leave their bounds."""
+        """The normal equations in which unknowns that would leave their bounds are held."""
         held = (at.values[self.choice.places] <= self.bounds) & (side < 0)
         if not held.any():
             return matrix, side
@@ -245,11 +251,12 @@ class Descent(Task):
         return np.where(free[:, None] & free, matrix, np.diag(np.diag(matrix))), side * free
 
     def settle(self, at: Guess, rule: StoppingRule) -> tuple[Guess, int, str]:
-        """Take steps until another gains nothing; return their number, and the cause if it did not
-        settle.
+        """Take steps until another gains nothing.
 
-        Damping is in units of the prior uncertainties: it keeps weak directions, along which the
-        model is non-linear, within their tolerances, and hardly changes strong ones.
+        Return the last guess, the number of steps, and the cause if the fit did not settle, else an
+        empty string. Damping is in units of the prior uncertainties: it keeps weak directions,
+        along which the model is non-linear, within their tolerances, and hardly changes strong
+        ones.
         """
         damping, growth = 0.0, 10.0
         scale = np.diag(1 / self.choice.sigma**2)
@@ -269,7 +276,7 @@ class Descent(Task):
                     better = tried
                     break
                 damping, growth = max(damping * growth, 0.1), growth * 2
-            if better is None:  # rounding ends what the last digits of chi-square can tell
+            if better is None:  # also where only rounding is left of the gain
                 return (
                     at,
                     steps,
@@ -284,34 +291,34 @@ class Descent(Task):
     def describe_deadlock(self, worth: float) -> str:
         return (
             f"no step from here lowers chi-square, though {worth:.3g} could be gained: the model "
-            "does not follow these readings; look for a wrong sign, unit, order of detectors or "
+            "does not describe these readings; look for a wrong sign, unit, order of detectors or "
             "configuration"
         )
 
     def describe_remaining_moves(
         self, at: Guess, matrix: Floats, side: Floats, worth: float
     ) -> str:
-        """A sentence on the unknowns along which the fit still moves, and whether samples are
-        missing.
+        """A sentence that names the unknowns along which the fit still moves, and the remedy.
 
-        A fit whose residuals are larger than the noise creeps along any unknown that the samples
-        hardly determine, and the cause is another: then none of these is to be held.
+        Where the prior holds most of the gain and the residuals are noise, samples are missing. A
+        fit whose residuals are larger than the noise creeps along any unknown that the samples
+        hardly determine, but the cause lies elsewhere: holding these unknowns would not help.
         """
         size = float(np.sqrt(np.mean(at.residual[np.isfinite(self.data.raw)] ** 2)))
         step = np.linalg.solve(matrix, side)
         large = np.argsort(-np.abs(step) / self.choice.sigma)[:3]
         names = ", ".join(self.choice.names[n] for n in large)
-        known, whole = step @ self.prior @ step, step @ matrix @ step
-        if known > whole / 2 and size < MISFIT_SIGMAS:
+        by_prior, total = step @ self.prior @ step, step @ matrix @ step
+        if by_prior > total / 2 and size < MISFIT_SIGMAS:
             remedy = (
-                "the samples hardly tell these; take samples that move more, or hold them as they "
-                "are (null in calibrate.before)"
+                "the samples hardly determine these; take samples that move more, or hold their "
+                "values (null in calibrate.before)"
             )
         else:
             remedy = (
-                f"it is not these that are wrong (the residuals are {size:.3g} times the noise): "
-                "the model does not follow these readings; look for a wrong column, for outliers, "
-                "or for something that moved"
+                f"these are not the cause (the residuals are {size:.3g} times the noise): the "
+                "model does not describe these readings; look for a wrong column, for outliers, or "
+                "for something that moved"
             )
         return f"chi-square still falls by {worth:.3g} a step, mostly along {names}: {remedy}"
 
@@ -324,8 +331,8 @@ class Descent(Task):
         chi_square, freedom = self.chi_square(at, limit, redundancy)
         try:
             sensor = calibrated_sensor(self, at, normal, covariance, freedom)
-        except InputError as error:  # the mirror's turn, put into its facets, may leave no pyramid
-            sensor, cause = self.nominal, f"what it found makes no sensor ({error})"
+        except InputError as error:  # the facets, turned with the mount, may be no pyramid
+            sensor, cause = self.nominal, f"the fitted values make no sensor ({error})"
         return Fit(
             sensor=sensor,
             choice=self.choice,
@@ -347,10 +354,10 @@ class Descent(Task):
 
     def chi_square(self, at: Guess, limit: float, redundancy: Floats) -> tuple[float, float]:
         """Chi-square without the outliers, corrected for the truncation, and its expectation."""
-        there = np.isfinite(self.data.raw) & (np.abs(at.residual) <= limit)
-        kept = cut_variance(self.robust) if limit == self.robust else 1.0
-        readings = float((at.residual[there] ** 2).sum()) / kept
-        return readings, float(redundancy[there].sum())
+        is_inside = np.isfinite(self.data.raw) & (np.abs(at.residual) <= limit)
+        variance = cut_variance(self.robust) if limit == self.robust else 1.0
+        chi_square = float((at.residual[is_inside] ** 2).sum()) / variance
+        return chi_square, float(redundancy[is_inside].sum())
 
 
 @one_thread
@@ -377,23 +384,23 @@ def fit(
     return task.conclusion(*task.settle(at, rule))
 
 
-#: How well the detectors' common gain keeps to what it is by convention.
+#: Standard uncertainty of the detectors' common gain, which is 1 by convention.
 GAIN_CONVENTION_SIGMA = 1e-5
 
 
 def prior_information(choice: Choice) -> Floats:
-    """Prior information (p, p) on each unknown, or some together, and on the detectors' common
+    """Prior information (p, p): on each unknown, or jointly on some, and on the detectors' common
     gain.
 
-    That gain and the laser's power are interchangeable; without the convention, smaller gains would
-    reduce the noise of the corrected powers and with it chi-square.
+    The common gain and the laser's power are interchangeable; without the convention, smaller gains
+    would reduce the noise of the corrected powers and with it chi-square.
     """
     matrix = np.diag(1 / choice.sigma**2)
     if choice.joint is not None:
         inside = [n for n, name in enumerate(choice.names) if name in choice.joint.names]
-        whole = invert_covariance(np.array(choice.joint.covariance))
+        information = invert_covariance(np.array(choice.joint.covariance))
         places = [choice.joint.names.index(choice.names[n]) for n in inside]
-        matrix[np.ix_(inside, inside)] = whole[np.ix_(places, places)]
+        matrix[np.ix_(inside, inside)] = information[np.ix_(places, places)]
     gains = [n for n, name in enumerate(choice.names) if name in GAINS]
     if len(gains) == len(GAINS) and (np.isinf(choice.power) or "beam.power" in choice.names):
         matrix[np.ix_(gains, gains)] += 1 / (len(gains) * GAIN_CONVENTION_SIGMA) ** 2
@@ -401,14 +408,14 @@ def prior_information(choice: Choice) -> Floats:
 
 
 def invert_covariance(matrix: Floats) -> Floats:
-    """The inverse of a covariance whose parameters have sizes of many orders."""
+    """Invert a covariance whose parameters differ in size by many orders of magnitude."""
     scale = np.sqrt(np.diag(matrix))
     inverse: Floats = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
     return (inverse + inverse.T) / 2
 
 
 def huber_roots(residual: Floats, limit: float) -> Floats:
-    """Roots of Huber's weights: 1 up to the limit, smaller beyond it."""
+    """Square roots of Huber's weights: 1 up to the limit, smaller beyond it."""
     if not np.isfinite(limit):
         return np.ones_like(residual)
     size = np.maximum(np.abs(residual), limit)
@@ -417,7 +424,7 @@ def huber_roots(residual: Floats, limit: float) -> Floats:
 
 
 def cut_variance(limit: float | None) -> float:
-    """The variance of a standard normal deviate within +- limit."""
+    """The variance of a standard normal deviate that lies within +- limit."""
     if limit is None:
         return 1.0
     from scipy.special import ndtr
@@ -427,7 +434,7 @@ def cut_variance(limit: float | None) -> float:
 
 
 def redundancies(model: Linear, weights: Floats, normal: Normal, covariance: Floats) -> Floats:
-    """The share (n, 9) of each reading's variance that remains in its residual, between 0 and 1.
+    """The fraction (n, 9), from 0 to 1, of each reading's variance that remains in its residual.
 
     The sample's own unknowns and the common ones absorb the rest.
     """
@@ -435,10 +442,10 @@ def redundancies(model: Linear, weights: Floats, normal: Normal, covariance: Flo
     common, by_own = model.common * weights[:, :, None], model.own * weights[:, :, None]
     free = np.diagonal(normal.inner, axis1=1, axis2=2) < 1e17
     by_own = by_own * free[:, None, :]
-    taken = (by_own @ np.linalg.inv(normal.inner) * by_own).sum(axis=2)
-    beside = common - by_own @ normal.back[:, :, :size]
-    taken += (beside @ covariance * beside).sum(axis=2)
-    remaining: Floats = np.clip(1 - taken, 0.0, 1.0)
+    absorbed = (by_own @ np.linalg.inv(normal.inner) * by_own).sum(axis=2)
+    reduced = common - by_own @ normal.back[:, :, :size]
+    absorbed += (reduced @ covariance * reduced).sum(axis=2)
+    remaining: Floats = np.clip(1 - absorbed, 0.0, 1.0)
     return remaining
 
 
@@ -451,41 +458,42 @@ def calibrated_sensor(
     """The calibrated sensor with the covariance of its parameters and its degrees of freedom, see
     `joint_freedom`.
 
-    The power is the mean over the samples if each had its own; the facets include the mirror's
-    rotation on the reference; the mirror's place and the drifts are left out.
+    The power is the mean over the samples if each has its own. The facets include the mirror's
+    rotation on the reference; the mirror's position there and the drifts are no part of the sensor.
     """
     names, values = list(task.choice.names), at.values
     if np.isinf(task.choice.power):
         covariance = add_mean_power(task, at, normal, covariance)
         values = at.mean_power_values
         names.append("beam.power")
-    known = sensor_covariance(names, values, covariance)
-    known = replace(known, degrees_of_freedom=joint_freedom(task, freedom))
+    calibration = sensor_covariance(names, values, covariance)
+    calibration = replace(calibration, degrees_of_freedom=joint_freedom(task, freedom))
     sensor = assign_values(task.nominal, fold_mount(values))
-    return replace(sensor, calibration=known, thermal=thermal_of(values, task.data.temperature))
+    thermal = thermal_of(values, task.data.temperature)
+    return replace(sensor, calibration=calibration, thermal=thermal)
 
 
 def sensor_covariance(names: list[str], values: Floats, covariance: Floats) -> Calibration:
     """The part of the unknowns' covariance that belongs to the sensor."""
     names, covariance = fold(names, values, covariance)
-    kept = [n for n, name in enumerate(names) if name in OF_SENSOR or name in TEMPERATURE]
-    part = covariance[np.ix_(kept, kept)]
-    return Calibration(tuple(names[n] for n in kept), tuple(map(tuple, part.tolist())))
+    places = [n for n, name in enumerate(names) if name in OF_SENSOR or name in TEMPERATURE]
+    part = covariance[np.ix_(places, places)]
+    return Calibration(tuple(names[n] for n in places), tuple(map(tuple, part.tolist())))
 
 
 def joint_freedom(task: Task, freedom: float) -> float | None:
-    """The degrees of freedom of the residuals, or of the covariance that was known before the fit
-    if these are fewer; None if these are unknown."""
-    before = task.choice.joint
-    if before is None:
+    """The degrees of freedom of the residuals, or of the joint prior covariance if it has fewer;
+    None if those of the prior are unknown."""
+    prior = task.choice.joint
+    if prior is None:
         return max(freedom, 1.0)
-    known = before.degrees_of_freedom
-    return None if known is None else max(min(freedom, known), 1.0)
+    before = prior.degrees_of_freedom
+    return None if before is None else max(min(freedom, before), 1.0)
 
 
 def thermal_of(values: Floats, temperature: float | None) -> Thermal:
-    """The sensor's dependence on temperature by values of `ALL`; it is zero at the mean temperature
-    of the data."""
+    """The sensor's dependence on temperature from values of `ALL`, relative to the mean temperature
+    of the samples."""
     if temperature is None or not values[block(TEMPERATURE)].any():
         return Thermal()
     beam_x, beam_y, *places = values[block(TEMPERATURE)].tolist()
@@ -493,8 +501,8 @@ def thermal_of(values: Floats, temperature: float | None) -> Thermal:
 
 
 def add_mean_power(task: Task, at: Guess, normal: Normal, covariance: Floats) -> Floats:
-    """Add the mean of the laser's power over the samples, mW, as the last unknown: (p + 1, p +
-    1)."""
+    """The covariance (p + 1, p + 1) with the mean of the laser's power over the samples, mW, as the
+    last unknown."""
     size, power = len(covariance), at.values[PLACE["beam.power"]]
     slope = -normal.back[:, 6, :size].mean(axis=0) * OWN_UNITS[6] * power
     variance = np.linalg.inv(normal.inner)[:, 6, 6].sum() / len(at.own_values) ** 2
@@ -509,13 +517,13 @@ def fold(names: list[str], values: Floats, covariance: Floats) -> tuple[list[str
     """Names and covariance after the mirror's rotation has become part of the facets."""
     if set(MOUNT).isdisjoint(names):
         return names, covariance
-    facets, given, slope = fold_derivatives(values)
-    into = [ALL[n] for n in facets]
-    rest = [name for name in names if name not in into]
-    whole = np.zeros((len(into) + len(rest), len(names)))
+    changed, sources, slope = fold_derivatives(values)
+    facets = [ALL[n] for n in changed]
+    rest = [name for name in names if name not in facets]
+    transform = np.zeros((len(facets) + len(rest), len(names)))
     for n, name in enumerate(names):
-        if PLACE[name] in given:
-            whole[:6, n] = slope[:, given.index(PLACE[name])]
+        if PLACE[name] in sources:
+            transform[:6, n] = slope[:, sources.index(PLACE[name])]
         if name in rest:
-            whole[6 + rest.index(name), n] = 1.0
-    return into + rest, whole @ covariance @ whole.T
+            transform[6 + rest.index(name), n] = 1.0
+    return facets + rest, transform @ covariance @ transform.T

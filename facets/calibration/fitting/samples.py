@@ -1,8 +1,8 @@
-"""Samples as a fit needs them: without outliers and duplicates, with the noise of means.
+"""Preparation of samples for a fit: outliers and duplicates are removed, means get their noise.
 
 An outlier is a reading that jumped, a damaged frame or a row of another pose. Huber's loss grows
 without bound with such a residual, and so do the sums that decide on candidates. Such samples are
-removed if they are few. If they are many, something else is wrong, and all stay.
+removed if they are few. If they are many, something else is wrong, and none is removed.
 """
 
 from __future__ import annotations
@@ -29,20 +29,21 @@ PLACE_ACCURACY_MM = 2e-4
 #: The standard deviation of that error, mm: 0.07 um against propagated fields, and 0.06 um in poses
 #: of rigs that were read by rays.
 PLACE_SIGMA_MM = 1e-4
-#: The same of a power, as a share of the power.
+#: Relative accuracy of the model of real light in a power.
 POWER_ACCURACY = 5e-5
-#: The robust weight below which a reading is none: at 12 standard deviations, with the limit at 3.
+#: The robust weight below which a reading is an outlier: at 12 standard deviations, with the limit
+#: at 3.
 LEAST_WEIGHT = 0.25
-#: The share of samples with an outlier beyond which they are no outliers.
+#: The fraction of samples with an outlier above which none of them counts as one.
 MOST_OUTLIER_SHARE = 0.1
-#: How often samples are taken out: large ones hide others.
+#: Number of times that outliers are looked for, because large ones hide others.
 EXCLUSION_ROUNDS = 2
 
 
 def find_outliers(
     sensor: Sensor, result: Fit, data: Data, robust: float | None
 ) -> NDArray[np.bool_]:
-    """Find samples (n,) with a reading that is far off relative to most residuals of its column.
+    """Find samples with a reading that is far off relative to most residuals of its column: (n,).
 
     Each column has its own scale, because an error of the model in the powers says nothing about
     the places. Errors within the accuracy of the model of real light are no outliers.
@@ -57,19 +58,21 @@ def find_outliers(
 
 
 def model_accuracy(data: Data, place: float = PLACE_ACCURACY_MM) -> Floats:
-    """The accuracy (9,) of the model of real light in each reading, mm and mW.  place: its accuracy
-    in a place, mm."""
+    """The accuracy (9,) of the model of real light in each reading, mm and mW.
+
+    place: its accuracy in a place on a detector, mm.
+    """
     accuracy = np.full(9, place)
     accuracy[2::3] = POWER_ACCURACY * median(data.raw)[2::3]
     return accuracy
 
 
-#: The correlation from which on two courses look the same.
+#: The correlation above which two regressors are indistinguishable.
 ALIKE = 0.95
 
 
 def warms_with_time(data: Data) -> bool:
-    """Whether the temperature goes with the time, or with the rows, through the whole run."""
+    """Whether the temperature is proportional to time, or to the row's number, in the whole run."""
     if data.clock is None or not data.clock[:, 1].any():
         return False
     time = data.clock[:, 0] if data.clock[:, 0].any() else row_numbers(data)
@@ -77,8 +80,8 @@ def warms_with_time(data: Data) -> bool:
 
 
 def half_drift(result: Fit, data: Data) -> Floats:
-    """By how much (8,) the beam and the places drifted in half a run, mm: with the time, and with a
-    temperature that cannot be told from it."""
+    """The drift (8,) of the beam and of the detectors' places in half a run, mm: with time, and
+    with a temperature that is indistinguishable from it."""
     drifted: Floats = result.all_values[block(TIME_DRIFT)]
     if warms_with_time(data):
         assert data.clock is not None
@@ -95,33 +98,33 @@ def exclude_outliers(
     sensor: Sensor, data: Data, result: Fit, robust: float | None, spent: int = 0
 ) -> tuple[Data, Fit, list[int]]:
     """Return the samples without outliers, the fit to them, and the rows that were removed; none
-    is removed where they would be many: these are no outliers.
+    is removed where they would be many.
 
     spent: number of rows that were removed before.
     """
-    kept, last, gone = data, result, list[int]()
+    remaining, last, excluded = data, result, list[int]()
     for _ in range(EXCLUSION_ROUNDS):
-        off = find_outliers(sensor, last, kept, robust)
+        off = find_outliers(sensor, last, remaining, robust)
         if not off.any():
             break
-        gone += row_numbers(kept)[off].tolist()
-        if len(gone) + spent > MOST_OUTLIER_SHARE * (len(data.raw) + spent):
+        excluded += row_numbers(remaining)[off].tolist()
+        if len(excluded) + spent > MOST_OUTLIER_SHARE * (len(data.raw) + spent):
             return data, result, []
         start = replace(last, own_values=last.own_values[~off])
-        kept = kept.part(~off)
-        last = fit(sensor, kept, result.choice, robust, start)
-    return kept, last, sorted(gone)
+        remaining = remaining.part(~off)
+        last = fit(sensor, remaining, result.choice, robust, start)
+    return remaining, last, sorted(excluded)
 
 
 def remove_duplicates(data: Data) -> Data:
-    """Keep each row once."""
+    """Remove repeated rows."""
     _, first = np.unique(np.column_stack([data.pose, data.raw]), axis=0, return_index=True)
     return data if len(first) == len(data.raw) else data.part(np.sort(first))
 
 
 def average_equal_poses(sensor: Sensor, data: Data) -> Data:
-    """Average readings at equal poses to one sample with the noise of the mean, because the
-    reference has the same error in all of them."""
+    """Average readings at equal poses, where the reference has one and the same error, to one
+    sample with the noise of the mean."""
     keys = np.column_stack([data.pose, data.beam])
     _, first, group, counts = np.unique(
         keys, axis=0, return_index=True, return_inverse=True, return_counts=True
@@ -132,33 +135,33 @@ def average_equal_poses(sensor: Sensor, data: Data) -> Data:
     parts = [mean_readings(data.raw[group == n], noise[group == n]) for n in range(len(first))]
     raw, sigma = np.array(parts).swapaxes(0, 1)
     rows = np.ones(len(data.raw)) if data.rows is None else data.rows
-    whole = np.bincount(group, rows)
+    totals = np.bincount(group, rows)
     order = np.argsort(first)
-    merged = data.part(first)._replace(raw=raw, noise=sigma, rows=whole.astype(float))
+    merged = data.part(first)._replace(raw=raw, noise=sigma, rows=totals.astype(float))
     return merged.part(order)
 
 
 def mean_readings(raw: Floats, noise: Floats) -> tuple[Floats, Floats]:
-    """The mean (9,) of readings (n, 9) with their noise, and its noise."""
-    there = np.isfinite(raw)
+    """The mean (9,) of readings (n, 9) and its noise (9,).  noise: (n, 9) of the readings."""
+    is_finite = np.isfinite(raw)
     with np.errstate(invalid="ignore"):  # no reading at all
-        sigma = np.where(there, noise, 0.0).sum(axis=0) / there.sum(axis=0) ** 1.5
+        sigma = np.where(is_finite, noise, 0.0).sum(axis=0) / is_finite.sum(axis=0) ** 1.5
     return np.array([mean(column) for column in raw.T]), sigma
 
 
 def add_converter_steps(sensor: Sensor, data: Data) -> Data:
     """Add the variance of the converter's steps to the noise of means.
 
-    It is the same in all readings at one state, so that averaging does not reduce it and their
-    scatter does not show it.
+    The error by the steps is the same in all readings at one state, so that averaging does not
+    reduce it and their scatter does not show it.
     """
     if data.rows is None or data.noise is None or sensor.electronics is None:
         return data
     raw, rows = correct(sensor, data.raw), data.rows[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = data.noise**2 * rows / standard_deviations(sensor, raw) ** 2
-    share = np.ones(len(raw))
-    there = np.isfinite(ratio).any(axis=1)
-    share[there] = np.minimum(np.nanmedian(ratio[there], axis=1), 1.0)
-    added = np.nan_to_num(step_variances(sensor, raw, share)) * (1 - 1 / np.maximum(rows, 1))
+    scatter = np.ones(len(raw))
+    is_read = np.isfinite(ratio).any(axis=1)
+    scatter[is_read] = np.minimum(np.nanmedian(ratio[is_read], axis=1), 1.0)
+    added = np.nan_to_num(step_variances(sensor, raw, scatter)) * (1 - 1 / np.maximum(rows, 1))
     return data._replace(noise=np.sqrt(data.noise**2 + added))

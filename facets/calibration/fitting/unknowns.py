@@ -1,8 +1,8 @@
 """The unknowns of a calibration by name, and the sensor that their values make.
 
 The order, `ALL`: the sensor's parameters, its beam's shape as a covariance; the corrections of the
-detectors; the effects of real light; where the mirror sits on its reference; what changes over the
-run. Units are mm, rad, mW, s and shares throughout.
+detectors; the effects of real light; the mirror's place on its reference; the changes over the run.
+Units are mm, rad, mW, s and fractions throughout.
 """
 
 from __future__ import annotations
@@ -30,38 +30,41 @@ from ...model.beam_shape import (
 )
 from ...optics.forward import PARAMETERS
 
-#: Knots along each side; polynomials up to third order in two variables; what is left beside them.
+#: Number of knots along each side of a detector's spline, of polynomials up to third order in two
+#: variables, and of the basis functions that are orthogonal to these polynomials at the knots.
 KNOTS, POLYNOMIALS = 5, 10
 LEFT = KNOTS**2 - POLYNOMIALS
-#: Of each detector: what is added to psi, then to zeta.
+#: Coefficients of the splines that are added to psi and to zeta of each detector.
 SPLINE = tuple(
     f"spline_{letter}.{axis}{n}" for letter in DETECTORS for axis in "yz" for n in range(LEFT)
 )
-#: Places of the fine grid along each side; linear interpolation is wrong by 7 thousandths at most.
+#: Number of places of the fine grid along each side; the error of linear interpolation between them
+#: is 7 thousandths of a coefficient at most.
 FINE_PLACES = 53
 
 
 @cache
 def directions() -> Floats:
-    """Values (KNOTS^2, LEFT) at the knots in which no polynomial up to third order has a part."""
+    """Orthonormal values (KNOTS^2, LEFT) at the knots, orthogonal to all polynomials up to third
+    order."""
     at = np.linspace(-1, 1, KNOTS)
     y, z = (part.ravel() for part in np.meshgrid(at, at, indexing="ij"))
     powers = [y**a * z**b for a, b in product(range(4), repeat=2) if a + b <= 3]
-    whole, _ = np.linalg.qr(np.column_stack(powers), mode="complete")
-    rest: Floats = whole[:, POLYNOMIALS:]
+    basis, _ = np.linalg.qr(np.column_stack(powers), mode="complete")
+    rest: Floats = basis[:, POLYNOMIALS:]
     return rest
 
 
 def natural_powers(x: Floats) -> Floats:
-    """The values (n, KNOTS) at places (n,) from -1 to 1 of functions that add up to every natural
-    cubic spline: 1, x, and pieces of third order that are straight lines beyond the knots."""
+    """The values (n, KNOTS) at places (n,) from -1 to 1 of a basis of natural cubic splines: 1, x,
+    and pieces of third order that are straight lines beyond the knots."""
     knots = np.linspace(-1, 1, KNOTS)[:-1]
     pieces = np.maximum(x[:, None] - knots, 0) ** 3 / (1 - knots)
     return np.column_stack([np.ones(len(x)), x, pieces[:, :-1] - pieces[:, -1:]])
 
 
 def bases(places: Floats) -> Floats:
-    """The values (n, LEFT) of the base functions at places (n, 2), in half sizes; beyond the edge,
+    """The values (n, LEFT) of the basis functions at places (n, 2), in half sizes; beyond the edge,
     the values at the edge.
 
     Scaled so that a coefficient is about the r.m.s. of what it adds at the knots.
@@ -92,7 +95,8 @@ def fine_bases() -> Floats:
 
 
 def replace_spline(sensor: Sensor, coefficients: Floats) -> Sensor:
-    """The sensor whose detectors are corrected by splines (6 LEFT), mm, instead of other grids."""
+    """The sensor whose detectors are corrected by splines with coefficients (6 LEFT), mm, instead
+    of other grids."""
     if not coefficients.any():
         return sensor
     psds, at = [], np.linspace(-1, 1, FINE_PLACES)
@@ -107,25 +111,25 @@ def replace_spline(sensor: Sensor, coefficients: Floats) -> Sensor:
 
 
 def spline_error(sensor: Sensor, raw: Floats, names: tuple[str, ...], covariance: Floats) -> Floats:
-    """The standard uncertainty (9,), r.m.s. over the samples, of what the splines add to readings,
-    mm.
+    """The standard uncertainty (9,) of the splines' corrections of the readings, r.m.s. over the
+    samples, mm.
 
-    covariance: (p, p) of the names. What the splines share with other unknowns is in the
-    uncertainty of those; here it is theirs with the others where they are.
+    covariance: (p, p) of the named unknowns. The uncertainty is that with all other unknowns held:
+    the part that splines and other unknowns have in common is in the uncertainty of the others.
     """
-    kept = [n for n, name in enumerate(names) if name in SPLINE]
-    if not kept:
+    places = [n for n, name in enumerate(names) if name in SPLINE]
+    if not places:
         return np.zeros(9)
-    columns = [SPLINE.index(names[n]) for n in kept]
+    columns = [SPLINE.index(names[n]) for n in places]
     slopes = spline_slopes(sensor, raw)[:, :, columns]
-    alone = np.linalg.inv(np.linalg.inv(covariance)[np.ix_(kept, kept)])
+    alone = np.linalg.inv(np.linalg.inv(covariance)[np.ix_(places, places)])
     variance = np.einsum("nip,nip->ni", slopes @ alone, slopes)
     size: Floats = np.sqrt(variance.mean(axis=0))
     return size
 
 
-#: Of the mirror on its reference: the apex from the reference's pivot; the apex from the beam while
-#: the reference is at zero; how the mirror is turned on the reference.
+#: Place of the mirror on its reference: the apex from the reference's pivot; the apex from the beam
+#: while the reference is at zero; the mirror's rotation on the reference.
 MOUNTING = (
     *(f"lever.{axis}" for axis in "xyz"),
     *(f"apex.{axis}" for axis in "xyz"),
@@ -133,34 +137,34 @@ MOUNTING = (
 )
 APEX, MOUNT = MOUNTING[3:6], MOUNTING[6:]
 DELAY = "reference.delay"
-#: By how much later than the stated time each detector is read, s.
+#: Delay of each detector's reading after the stated time, s.
 SKEW = tuple(f"skew_{letter}.delay" for letter in DETECTORS)
-#: By how much the mirror lags behind what the reference says, against the direction of each axis's
-#: last step: half the play, mm and rad.
+#: Lag of the mirror behind the reference, against the direction of each axis's last step: half the
+#: play, mm and rad.
 BACKLASH = tuple(f"backlash.{name}" for name in POSE)
-#: By which share of its last step the mirror lags behind what the reference says.
+#: Lag of the mirror behind the reference, as a fraction of each axis's last step.
 LAG = tuple(f"lag.{name}" for name in POSE)
-#: What may drift: the beam's place, and each reading of a place.
+#: The quantities that may drift: the beam's position, and each detector's reading of a place.
 OF_DRIFT = ("bx", "by", *(f"{kind}_{k}" for k in DETECTORS for kind in ("psi", "zeta")))
-#: By what, in the order of `Data.clock`; the last: how far what follows the temperature late, or
-#: two time constants, and how fast it changes, which a late thermometer shows too late.
+#: The regressors of drifts, in the order of `Data.clock`; the last is the temperature's past: a
+#: temperature that follows the measured one late, or its rate of change for a late thermometer.
 CLOCKS = ("time", "temperature", "past")
 DRIFTS = tuple(f"{cause}.{what}" for cause in CLOCKS for what in OF_DRIFT)
 TIME_DRIFT = DRIFTS[: len(OF_DRIFT)]
 PAST = DRIFTS[-len(OF_DRIFT) :]
 
-#: The laser's slow drift, shares: polynomials over the run.
+#: The laser's slow drift, relative power: coefficients of polynomials over the run.
 POWER_DRIFT = tuple(f"time.power_{n}" for n in range(1, 6))
 
 GEOMETRY = tuple(name for name in PARAMETERS if name not in OF_SHAPE)
 OF_SENSOR = (*GEOMETRY, *SHAPE, *NAMES, *EFFECTS)
-#: The splines come last: only where one is chosen are their columns made.
+#: All unknowns. The splines come last, because their columns are computed only where one is chosen.
 ALL = (*OF_SENSOR, *MOUNTING, DELAY, *SKEW, *BACKLASH, *LAG, *DRIFTS, *POWER_DRIFT, *SPLINE)
 PLACE = {name: n for n, name in enumerate(ALL)}
 
 
 def block(names: tuple[str, ...]) -> slice:
-    """The slice of names that follow each other in `ALL`."""
+    """The slice of `ALL` that holds consecutive names."""
     return slice(PLACE[names[0]], PLACE[names[-1]] + 1) if names else slice(0, 0)
 
 
@@ -169,8 +173,9 @@ class Choice:
     """The unknowns of a fit: names out of `ALL`, and their prior standard uncertainties.
 
     power: relative standard deviation of the laser's power from sample to sample; 0 where it is the
-    same in all, infinite where each sample has its own.  beam: that of the beam's place, mm.
-    joint: the names that are known together before, and their covariance.
+    same in all, infinite where each sample has its own.  beam: standard deviation of the beam's
+    position from sample to sample, mm.  joint: names with a joint prior covariance, and that
+    covariance; None for independent priors.
     """
 
     names: tuple[str, ...]
@@ -185,10 +190,10 @@ class Choice:
 
     def add_unknowns(self, sigma: dict[str, float]) -> Choice:
         """Add further unknowns; one that is already present keeps the larger uncertainty."""
-        known = dict(zip(self.names, self.sigma.tolist(), strict=True))
+        sigmas = dict(zip(self.names, self.sigma.tolist(), strict=True))
         for name, value in sigma.items():
-            known[name] = max(value, known.get(name, 0.0))
-        return replace(self, names=tuple(known), sigma=np.array(list(known.values())))
+            sigmas[name] = max(value, sigmas.get(name, 0.0))
+        return replace(self, names=tuple(sigmas), sigma=np.array(list(sigmas.values())))
 
 
 # ---- a sensor and its values
@@ -196,11 +201,11 @@ class Choice:
 
 def values_of(sensor: Sensor) -> Floats:
     """Values of `ALL` of the nominal sensor, with the apex on the pivot and on the beam."""
-    given = dict(zip(PARAMETERS, parameters(sensor), strict=True))
+    nominal = dict(zip(PARAMETERS, parameters(sensor), strict=True))
     values = np.zeros(len(ALL))
     for name in GEOMETRY:
-        values[PLACE[name]] = given[name]
-    values[block(SHAPE)] = shape_of(*(given[name] for name in OF_SHAPE))
+        values[PLACE[name]] = nominal[name]
+    values[block(SHAPE)] = shape_of(*(nominal[name] for name in OF_SHAPE))
     values[block(NAMES)] = coefficients(sensor)
     values[block(EFFECTS)] = effects(sensor)
     values[block(SKEW)] = sensor.light.delays
@@ -208,7 +213,7 @@ def values_of(sensor: Sensor) -> Floats:
 
 
 def assign_values(sensor: Sensor, values: Floats) -> Sensor:
-    """Make a sensor with values of `ALL`; raise `InputError` if they make none."""
+    """Make a sensor with values of `ALL`; raise `InputError` for impossible values."""
     geometry = dict(zip(GEOMETRY, values[block(GEOMETRY)].tolist(), strict=True))
     axes = axes_of(values[block(SHAPE)], sensor.beam.rotation)
     geometry |= dict(zip(OF_SHAPE, axes, strict=True))
@@ -226,30 +231,30 @@ def replace_corrections(sensor: Sensor, coefficient: Floats) -> Sensor:
     count = len(MONOMIALS)
     psds = [
         replace(psd, correction=replace(
-            psd.correction, power=power, dark=dark, y=tuple(rest[:count]), z=tuple(rest[count:])
+            psd.correction, power=gain, dark=offset, y=tuple(rest[:count]), z=tuple(rest[count:])
         ))
-        for psd, (power, dark, *rest) in zip(sensor.psds, parts, strict=True)
+        for psd, (gain, offset, *rest) in zip(sensor.psds, parts, strict=True)
     ]  # fmt: skip
     return replace(sensor, psds=(psds[0], psds[1], psds[2]))
 
 
-# ---- the derivatives by what belongs to the sensor
+# ---- derivatives by the sensor's own parameters
 
 
 def sensor_derivatives(sensor: Sensor, states: Floats) -> Floats:
     """The model's derivatives by `GEOMETRY` and `SHAPE`: (n, 9, 30)."""
-    whole = arrays.parameter_jacobian(sensor, states)
+    slopes = arrays.parameter_jacobian(sensor, states)
     out = np.empty((len(states), 9, len(GEOMETRY) + len(SHAPE)))
-    out[:, :, : len(GEOMETRY)] = whole[:, :, [PARAMETERS.index(name) for name in GEOMETRY]]
-    out[:, :, len(GEOMETRY) :] = shape_derivatives(sensor, states, whole)
+    out[:, :, : len(GEOMETRY)] = slopes[:, :, [PARAMETERS.index(name) for name in GEOMETRY]]
+    out[:, :, len(GEOMETRY) :] = shape_derivatives(sensor, states, slopes)
     return out
 
 
-# ---- the mirror's turn on its reference becomes part of its facets
+# ---- the mirror's rotation on its reference becomes part of its facets
 
 
 def normals(values: Floats) -> Floats:
-    """The facets' normals (3, 3) in the mirror's frame, of values of `ALL`."""
+    """The facets' normals (3, 3) in the mirror's frame, from values of `ALL`."""
     rows = []
     for letter in DETECTORS:
         tilt, turn = (values[PLACE[f"facet_{letter}.{n}"]] for n in ("inclination", "azimuth"))
@@ -258,10 +263,9 @@ def normals(values: Floats) -> Floats:
 
 
 def fold_mount(values: Floats) -> Floats:
-    """Values of `ALL` whose mount is zero, because its rotation has become part of the
-    facets.
+    """Values of `ALL` in which the mount's rotation is zero and part of the facets instead.
 
-    The mirror's frame is then that of the reference: where the reference says zero, the solved
+    The mirror's frame is then that of the reference: where the reference is at zero, the solved
     angles are zero.
     """
     folded = values.copy()
@@ -276,13 +280,13 @@ def fold_mount(values: Floats) -> Floats:
 
 
 def fold_derivatives(values: Floats) -> tuple[list[int], list[int], Floats]:
-    """The derivative (6, 9) of `fold_mount`, with the places that it changes and those that it
-    depends on."""
+    """The places in `ALL` that `fold_mount` changes, those on which it depends, and its derivatives
+    (6, 9)."""
     facets = [PLACE[f"facet_{k}.{n}"] for k in DETECTORS for n in ("inclination", "azimuth")]
-    given = facets + [PLACE[name] for name in MOUNT]
+    sources = facets + [PLACE[name] for name in MOUNT]
     slope = np.empty((6, 9))
-    for n, place in enumerate(given):
+    for n, place in enumerate(sources):
         step = np.zeros(len(ALL))
         step[place] = 1e-6
         slope[:, n] = (fold_mount(values + step) - fold_mount(values - step))[facets] / 2e-6
-    return facets, given, slope
+    return facets, sources, slope
