@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Sigmas = dict[str, float]
 #: Effects of light that belong to the mirror's facets.
-OF_FACETS = ("diffraction", "rolloff", "strips", "tip", "coating")
+OF_FACETS = ("diffraction", "rolloff", "strips", "tip", "coating", "stains")
 #: The unknowns of an effect and their prior standard uncertainties, for a sensor and samples; empty
 #: where these do not allow the effect.
 Unknowns = Callable[[Sensor, Data], Sigmas]
@@ -149,7 +149,7 @@ EVERY_EFFECT = (
     *(
         Effect(key, "facets" if key in OF_FACETS else "light", words,
                unknowns=fixed_unknowns(light_unknowns(key)), of_light=True,
-               coated=key == "coating", tried_last=key == "coating")
+               coated=key == "coating", tried_last=key in ("coating", "stains"))
         for key, (_, words) in LIGHT_CANDIDATES.items()
     ),
     Effect("bend", "detectors", "detectors bent in second and third order",

@@ -117,6 +117,7 @@ def effect_findings(remainder: Remainder, min_rise: float) -> list[Finding]:
         (TEMPERATURE, partial(warming_finding, data=remainder.data)),
         (TIME_DRIFT, drift_finding),
         (PROFILE, partial(profile_finding, remainder=remainder)),
+        (STAINS, partial(stain_finding, remainder=remainder)),
         ((DELAY,), partial(delay_finding, data=remainder.data)),
     ):  # fmt: skip
         names = [name for name in result.choice.names if name in series]
@@ -354,8 +355,9 @@ def warming_finding(result: Fit, data: Data) -> Finding | None:
     ), ("temperature_drift",))  # fmt: skip
 
 
-#: Unknowns of a beam's profile.
+#: Unknowns of a beam's profile, and of light that is lost on the facets.
 PROFILE = tuple(name for name in EFFECTS if name.startswith(("profile.", "asymmetry.")))
+STAINS = tuple(name for name in EFFECTS if name.startswith("stain_"))
 
 
 def clear_values(
@@ -408,6 +410,19 @@ def profile_finding(result: Fit, remainder: Remainder) -> Finding | None:
     if others:
         words += f" It could be that {' or that '.join(part.words for part in others)} as well."
     return Finding(False, words, ("profile", *(part.key for part in others)))
+
+
+def stain_finding(result: Fit, remainder: Remainder) -> Finding:
+    """A finding on the facet that loses most light to dust, chips or stains."""
+    at = [n for n, name in enumerate(result.choice.names) if name in STAINS]
+    effect = remainder.likelihood.common[:, :, at] @ result.values[at]
+    lost = np.nanmax(-effect[:, 2::3] / remainder.light, axis=0)
+    k = int(np.argmax(lost))
+    return Finding(False, (
+        f"Facet {DETECTORS[k].upper()} loses up to {100 * lost[k]:.2g} % of its light to dust, "
+        "chips or stains. The fit follows that as a smooth function of x and y "
+        "(sensor.light.stains); clean the mirror, or take another one, to be rid of it."
+    ), ("stains",))  # fmt: skip
 
 
 def scatter_findings(scatter: Scatter, min_fall: float) -> list[Finding]:

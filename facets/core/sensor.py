@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import pi
 from numbers import Real
 from types import MappingProxyType
@@ -27,6 +27,8 @@ Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
 Five = tuple[float, float, float, float, float]
 Six = tuple[float, float, float, float, float, float]
+Fifteen = tuple[float, float, float, float, float, float, float, float, float, float, float, float,
+                float, float, float]  # fmt: skip
 
 ANGLE_DEG: dict[str, Any] = {"ge": -360, "le": 360}
 TURN_MRAD: dict[str, Any] = {"ge": -HALF_TURN_MRAD, "le": HALF_TURN_MRAD}
@@ -449,6 +451,8 @@ class Apertures(SensorPart):
 FACET_EDGES = ("edge_ca_a", "edge_ab_a", "edge_ab_b", "edge_bc_b", "edge_bc_c", "edge_ca_c")
 #: The mirror's edges in the order of `BenchLight.strips`: facet k begins at edge number k.
 EDGES = ("ca", "ab", "bc")
+#: Orders along x and y of the Hermite polynomials of `BenchLight.stains`.
+STAIN_ORDERS = tuple((a, n - a) for n in range(5) for a in range(n + 1))
 
 
 class LightEffect(NamedTuple):
@@ -492,6 +496,7 @@ LIGHT_CANDIDATES = {
     ),
     "profile": ("deviation of the beam's profile from a Gaussian", "a beam that is not Gaussian"),
     "asymmetry": ("asymmetry of the beam's profile", "a beam that is not symmetric"),
+    "stains": ("light that dust, chips and stains take from each facet", "stains on the facets"),
 }  # fmt: skip
 CURVATURE: dict[str, Any] = {
     "candidate": "curvature",
@@ -589,7 +594,8 @@ class BenchLight(SensorPart):
     profile: coefficients of He_4(x), He_3(x) He_1(y), He_2(x) He_2(y), He_1(x) He_3(y) and He_4(y).
     The Gaussian irradiance is multiplied by 1 plus the sum of these Hermite polynomials, along the
     same x and y, in units of the beam's sigma.  asymmetry: the same for He_3(x), He_2(x) He_1(y),
-    He_1(x) He_2(y) and He_3(y).
+    He_1(x) He_2(y) and He_3(y).  stains: for each facet, coefficients of the light that dust, chips
+    and stains take from it, a fraction of the beam's power; see `optics.stains`.
     """
 
     curvature_xx: float = declare_effect(
@@ -735,6 +741,20 @@ class BenchLight(SensorPart):
         sigma=0.02,
         apertures="light that is cut is modelled as Gaussian only",
     )
+    stains: tuple[Fifteen, Fifteen, Fifteen] = declare_effect(
+        key(
+            "stains",
+            ((0.0,) * 15,) * 3,
+            "light that dust, chips and stains take from facets A, B and C: coefficients of the "
+            "normalised Hermite polynomials 1, y, x, yy, xy, xx, ... up to fourth order",
+            ge=-1,
+            le=1,
+        ),
+        *(f"stain_{letter}.{a}{b}" for letter in DETECTORS for a, b in STAIN_ORDERS),
+        candidate="stains",
+        sigma=3e-3,
+        apertures="light that is cut is modelled without stains",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -752,8 +772,8 @@ class BenchLight(SensorPart):
 
     @property
     def has_profile(self) -> bool:
-        """Whether the beam's profile is not Gaussian."""
-        return any(self.profile) or any(self.asymmetry)
+        """Whether the beam's profile is not Gaussian, or stains take light from the facets."""
+        return any((*self.profile, *self.asymmetry, *chain(*self.stains)))
 
     @cached_property
     def edge_effects(self) -> tuple[str, ...]:

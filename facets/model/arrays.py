@@ -64,7 +64,8 @@ MIN_EDGE_DISTANCE_MM = 0.1
 def options(sensor: Sensor, profiled: bool = False) -> LightOptions:
     """The options of the light that do not vary, whether or not any effect is on.
 
-    profiled: whether derivatives by the beam's profile are needed, even if it is Gaussian.
+    profiled: whether derivatives by the beam's profile or by stains are needed, even if these are
+    zero.
     """
     light = sensor.light
     return LightOptions(
@@ -101,7 +102,7 @@ def group_by_field(values: Sequence[Any]) -> dict[str, Any]:
 
 
 def effects(sensor: Sensor) -> Floats:
-    """The numbers of the bench's light in the order of `EFFECTS`: (36,) 1/mm, mm, mm^2, mW, rad.
+    """The numbers of the bench's light in the order of `EFFECTS`: (81,) 1/mm, mm, mm^2, mW, rad.
 
     The index of a coating that reflects all is 1 + 0i; the polarisation of unpolarised light is 0.
     """
@@ -158,7 +159,7 @@ CUT_LIGHT = (
 def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | None = None) -> Floats:
     """The derivatives of the readings by the numbers of the bench's light, closed.
 
-    state: (..., 8). Returns (..., 9, 36), columns in the order of `EFFECTS`; mm and mW per unit of
+    state: (..., 8). Returns (..., 9, 81), columns in the order of `EFFECTS`; mm and mW per unit of
     each number, also for ideal light.  names: the columns to compute; the others are zero. The
     derivatives by the index of an ideal coating and by the polarisation of
     unpolarised light are zero. NaN as in `jacobian`. Raises `InputError` for a sensor with
@@ -170,7 +171,7 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
     columns = [n for n, name in enumerate(EFFECTS) if names is None or name in names]
     out = np.zeros((len(rows), 9, len(EFFECTS)))
     if columns:
-        profiled = any(EFFECTS[n].startswith(("profile.", "asymmetry.")) for n in columns)
+        profiled = any(EFFECTS[n].startswith(("profile.", "asymmetry.", "stain_")) for n in columns)
         plain = light_effects(sensor, profiled)
         varied = plain._replace(numbers=group_by_field(varying(effects(sensor), columns)))
         vectors, moved = (

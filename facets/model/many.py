@@ -55,7 +55,7 @@ class VariedSensors(NamedTuple):
     """Sensors that differ in their parameters.
 
     sensor: its other properties are those of all sensors.  parameters: (n, 30) in the order of
-    `facets.PARAMETERS`.  effects: (n, 36) numbers of the light in the order of `EFFECTS`; None if
+    `facets.PARAMETERS`.  effects: (n, 81) numbers of the light in the order of `EFFECTS`; None if
     all have the light of `sensor`.
     """
 

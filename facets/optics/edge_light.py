@@ -27,6 +27,7 @@ from ..scalars.dispatch import Number, log, maximum, pi, sqrt
 from .curved_light import DetectorImage, Ray, apply, trace_ray
 from .forward import Geometry, LitFacet, Scene, project_to_sigmas
 from .profile import density_at_point, moment_slopes
+from .stains import stained_light
 from .vectors import Plane, Vector, combine, cross, cross2, dot, dot2, rotate, scale
 
 #: Fraction of the beam's light below which a facet is dark. For less light than this per sigma
@@ -92,8 +93,8 @@ def edge_step(
 def light_after_wear(
     facet: LitFacet, back: tuple[Any, Any, Any, Any], steps: tuple[EdgeStep, EdgeStep]
 ) -> tuple[Number, Plane, Plane]:
-    """Mass and centroid of the light on a facet without the lost strips and the worn tip, and the
-    shift of its point by the strips, in sigmas.
+    """Mass and centroid of the light on a facet without the lost strips, the worn tip and stains,
+    and the shift of its point by the strips, in sigmas.
 
     The two strips move the facet's edges inward, and its point by d. With the centroid C, and P one
     minus the covariance, the mass becomes mass (1 - C.d - (d.P d - (C.d)^2) / 2), and the centroid
@@ -117,12 +118,13 @@ def light_after_wear(
     step = dot2(decline, d)
     remaining = mass * (1 - step - (dot2(d, pd) - step * step) / 2)
     lost, place = tip_loss(facet, back)
-    rest = remaining - lost
+    stained, moment = stained_light(facet)
+    rest = remaining - lost - stained
     moved = centroid[0] + pd[0], centroid[1] + pd[1]
     inverse = 1 / rest
     centroid = (
-        (remaining * moved[0] - lost * place[0]) * inverse,
-        (remaining * moved[1] - lost * place[1]) * inverse,
+        (remaining * moved[0] - lost * place[0] - moment[0]) * inverse,
+        (remaining * moved[1] - lost * place[1] - moment[1]) * inverse,
     )
     return rest, centroid, d
 

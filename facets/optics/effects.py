@@ -24,10 +24,10 @@ class LightOptions(NamedTuple):
 
     on: whether any effect is on; otherwise the formulas of ideal light apply.  coated: whether the
     facets' reflectance depends on the angle of incidence.  polarised: whether the light is
-    polarised.  profiled: whether the beam's profile is not Gaussian.  halves: of each detector's
-    sensitive area along y and z, mm: the window in which light is detected.  nearest: lower bound
-    of the distance from a spot to the window's edge in the formula of diffraction, mm, which has a
-    pole at the edge.
+    polarised.  profiled: whether the beam's profile is not Gaussian, or stains take light.  halves:
+    of each detector's sensitive area along y and z, mm: the window in which light is detected.
+    nearest: lower bound of the distance from a spot to the window's edge in the formula of
+    diffraction, mm, which has a pole at the edge.
     """
 
     on: bool
@@ -60,7 +60,8 @@ class Light(NamedTuple):
     place on each detector.  coating: its refractive index, n and k.  plain: twice its reflectance
     of unpolarised light at 45 degrees.  field: direction of polarised light, in the world.
     profile, asymmetry: symmetric tensors of fourth and third Hermite order, along the beam's own
-    axes.
+    axes.  stains: coefficients of the light that each facet lacks.  own_axis: the first of the
+    beam's own axes, in the axes of the stains.
     """
 
     options: LightOptions
@@ -80,6 +81,8 @@ class Light(NamedTuple):
     field: Vector
     profile: Five
     asymmetry: Four
+    stains: Three
+    own_axis: Plane
 
 
 UNBOUNDED = (inf, inf)
@@ -103,6 +106,8 @@ IDEAL = Light(
     field=ZERO_VECTOR,
     profile=(0.0, 0.0, 0.0, 0.0, 0.0),
     asymmetry=(0.0, 0.0, 0.0, 0.0),
+    stains=((0.0,) * 15, (0.0,) * 15, (0.0,) * 15),
+    own_axis=(1.0, 0.0),
 )
 
 
@@ -253,4 +258,6 @@ def build_light(
         field=combine(cos(polarization), x, sin(polarization), y),
         profile=turn_tensor(tensor_of(numbers["profile"]), u, across_u),
         asymmetry=turn_cubic((odd[0], odd[1] / 3, odd[2] / 3, odd[3]), u, across_u),
+        stains=split_in_three(numbers["stains"], 15),
+        own_axis=u,
     )

@@ -97,6 +97,11 @@ def sqrt(x: Dual) -> Dual:
     return Dual(root, scale_slope(x.imag, 1 / (2 * root)))
 
 
+def exp(x: Dual) -> Dual:
+    power = dispatch.exp(x.real)
+    return Dual(power, scale_slope(x.imag, power))
+
+
 def log(x: Dual) -> Dual:
     return Dual(dispatch.log(x.real), scale_slope(x.imag, 1 / x.real))
 

@@ -144,7 +144,7 @@ def test_a_fit_that_misses_something_does_not_advise_to_hold_what_it_creeps_alon
     wrong = data.raw * np.where(np.arange(9) == 3, -1, 1)
     creeping = fit.fit(NOMINAL, data._replace(raw=wrong), rigs.choice(), rule=fit.StoppingRule(3))
     assert not creeping.ended
-    assert "the model does not follow these readings" in creeping.cause
+    assert "the model does not describe these readings" in creeping.cause
     assert "hold" not in creeping.cause
 
 

@@ -137,7 +137,7 @@ def solve_varied(question: Question) -> Answer:
     wrong = (np.arange(count) % 2)[:, None]
     values = parameters(sensor) + 1e-4 * wrong * rng.standard_normal((count, 30))
     if sensor.light.on:
-        light = effects(sensor) * (1 + 1e-3 * wrong * rng.standard_normal((count, 36)))
+        light = effects(sensor) * (1 + 1e-3 * wrong * rng.standard_normal((count, 81)))
     found = solve_each(
         VariedSensors(sensor, values, light), twice.readings,
         core.Question(twice.beam, twice.power, accept_unchecked=twice.accept_unchecked),

@@ -18,7 +18,7 @@ import numpy as np
 from digits import differences, many_digits, precise
 from estimators import library, run_node, script
 from facets.experiments.studies.sensors import skew_sensor
-from sensors import ALL, ASYMMETRY, PROFILE
+from sensors import ALL, ASYMMETRY, PROFILE, STAINS
 
 import facets
 from facets import BenchLight
@@ -52,7 +52,7 @@ COATED = BenchLight(
 LIGHTS: dict[str, dict[str, Any]] = {
     "ideal": {},
     "bench": {"light": ALL},
-    "profile": {"light": BenchLight(profile=PROFILE, asymmetry=ASYMMETRY)},
+    "profile": {"light": BenchLight(profile=PROFILE, asymmetry=ASYMMETRY, stains=STAINS)},
     "cut": {"apertures": APERTURES},
     "cut and coated": {"apertures": APERTURES, "light": COATED},
 }
@@ -189,7 +189,7 @@ def many_sensors(task: str, sensor: facets.Sensor, states: Any) -> Any:
 
 
 def precise_readings(sensor: facets.Sensor, given: Any, light: Any, state: Any) -> Any:
-    """Nine readings of numbers of any type: 30 parameters, 36 of the light, 8 of a state."""
+    """Nine readings of numbers of any type: 30 parameters, 81 of the light, 8 of a state."""
     if not sensor.light.on:
         return np.ravel(forward.readings(build_geometry(tuple(given)), tuple(state)))
     effect = LightEffects(group_by_field(light), options(sensor, profiled=True))

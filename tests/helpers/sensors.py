@@ -26,6 +26,7 @@ ALL = BenchLight(
 #: A beam's profile without any symmetry.
 PROFILE = (0.012, -0.006, 0.02, 0.004, -0.008)
 ASYMMETRY = (0.01, -0.02, 0.015, 0.008)
+STAINS = tuple(map(tuple, np.random.default_rng(3).uniform(-5e-3, 5e-3, (3, 15)).tolist()))
 
 
 def states(count: int, seed: int, offset: float = 0.2, angle: float = 0.02) -> np.ndarray:

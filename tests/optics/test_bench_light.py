@@ -250,12 +250,12 @@ def test_derivatives_by_effects_hold_where_all_are_off():
 
 def test_parameters_and_effects_have_names_and_come_back():
     assert len(facets.PARAMETERS) == len(set(facets.PARAMETERS)) == 30
-    assert len(EFFECTS) == len(set(EFFECTS)) == len(effects(PAPER)) == 36
-    assert EFFECTS[27::4] == ("profile.xxxx", "profile.yyyy", "asymmetry.yyy")
+    assert len(EFFECTS) == len(set(EFFECTS)) == len(effects(PAPER)) == 81
+    assert EFFECTS[27:36:4] == ("profile.xxxx", "profile.yyyy", "asymmetry.yyy")
     for sensor in (*SENSORS.values(), replace(SENSORS["skewed1"], light=ALL)):
         assert replace_effects(sensor, effects(sensor)) == sensor
         assert sensor_with(sensor, parameters(sensor)) == sensor
-    with pytest.raises(InputError, match="needed: 36"):
+    with pytest.raises(InputError, match="needed: 81"):
         replace_effects(sensor, [0.0])
 
 

@@ -8,7 +8,6 @@ the size of an alternative varies: m candidates of w functions each, of which th
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from functools import lru_cache
 from itertools import chain, combinations, combinations_with_replacement, permutations, product
 
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...core.names import DETECTORS
-from ...core.sensor import BenchLight, Sensor
+from ...core.sensor import Sensor
 from ...core.units import Floats
 from ...model.arrays import EFFECTS, effect_jacobian, half_sizes, readings
 from ..fitting.bundle_adjustment import states_of
@@ -44,9 +43,6 @@ LEAST_RESET = 20
 #: Resets of offsets are rejected where blocks that begin half a block later explain more than this
 #: fraction of what the best blocks explain, as they do with a drift.
 RESET_FRACTION = 0.8
-#: Radius of a speck of dust in the beam's standard deviations; half widths in the same unit, and
-#: numbers of positions, of the grids that are searched, the finer ones about the best position.
-DUST_SIGMAS, DUST_GRIDS = 0.3, ((2.4, 13), (0.6, 7), (0.15, 5))
 
 
 # ---- detectors, beam and lamps
@@ -338,54 +334,10 @@ def likely_fringes(remainder: Residuals, columns: Floats, k: int) -> Floats:
     return np.column_stack([along[first], WINDOW_PERIODS[second]])
 
 
-# ---- dust on the mirror
-
-
 def square_grid(width: float, count: int) -> Floats:
     """Places (count^2, 2) over a square of this half width about zero."""
     x, y = np.meshgrid(*[np.linspace(-width, width, count)] * 2)
     return np.column_stack([x.ravel(), y.ravel()])
-
-
-def speck_light(remainder: Residuals, places: Floats) -> Floats:
-    """Candidates of the light on specks at places (m, 2) of the mirror from its tip, relative to a
-    speck in the beam's centre."""
-    sigma, offset = beam_sigma(remainder.sensor), place_in_beam(remainder)
-    square = ((offset + places[:, None]) ** 2).sum(axis=2)
-    light: Floats = np.exp(-square / 2 / sigma**2 / (1 + DUST_SIGMAS**2))[:, :, None]
-    return light
-
-
-def narrow_beam(sensor: Sensor) -> Sensor:
-    """The sensor with a thin beam of ideal light, which shows the path of one ray."""
-    width = beam_sigma(sensor) / 100
-    thin = replace(sensor.beam, diameter_x=width, diameter_y=width)
-    return replace(sensor, beam=thin, light=BenchLight())
-
-
-def dust_columns(remainder: Residuals, places: Floats) -> Floats:
-    """Columns (m, n, 9) of specks at places (m, 2) of the mirror from its tip, mm, per fraction of
-    the light on a speck that it absorbs.
-
-    A thin beam of ideal light shows where the ray at the speck meets its detector; exact for flat
-    facets.
-    """
-    sensor, state = remainder.sensor, remainder.state
-    rays = np.tile(state, (len(places), 1, 1))
-    rays[:, :, 6:] = state[:, :2] + places[:, None]
-    landing = readings(narrow_beam(sensor), rays)
-    azimuths = np.array([facet.azimuth for facet in sensor.facets])
-    angles = np.arctan2(places[:, 1], places[:, 0])
-    facets = np.argmax(np.cos(angles[:, None] - azimuths), axis=1)
-    losses = speck_light(remainder, places)[:, :, 0] * sensor.beam.power * DUST_SIGMAS**2
-    losses /= 1 + DUST_SIGMAS**2
-    columns = np.zeros(landing.shape)
-    for column, ray, loss, k in zip(columns, landing, losses, facets.tolist(), strict=True):
-        spot, power = slice(3 * k, 3 * k + 2), 3 * k + 2
-        column[:, power] = -loss
-        shift = remainder.model_readings[:, spot] - ray[:, spot]
-        column[:, spot] = (loss / remainder.raw[:, power])[:, None] * shift
-    return columns / remainder.noise
 
 
 # ---- the reference

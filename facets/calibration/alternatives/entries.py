@@ -272,27 +272,6 @@ def reference_test(kind: str) -> Test:
     return test
 
 
-def test_dust(remainder: Remainder) -> Trace:
-    """Search for the position by the powers, which lose most, and about it by all readings."""
-    sigma = columns.beam_sigma(remainder.sensor)
-    (width, count), *finer = columns.DUST_GRIDS
-    places = sigma * columns.square_grid(width, count)
-    made = columns.power_columns(remainder, (0, 1, 2))
-    best = score_bases(remainder, "dust", made, columns.speck_light(remainder, places), 0.03)
-    if best.score < 0:
-        return best
-    trials, centre = len(places), places[int(best.at[0])]
-    traces = list[Trace]()
-    for width, count in finer:
-        places = centre + sigma * columns.square_grid(width, count)
-        for place, column in zip(places, columns.dust_columns(remainder, places), strict=True):
-            trace = score_columns(remainder, "dust", column[:, :, None], 1.0)
-            traces.append(trace._replace(at=tuple(place.tolist())))
-        best = max(traces, key=lambda trace: trace.fall)
-        centre = np.array(best.at)
-    return best._replace(log_trials=float(np.log(trials + len(traces))))
-
-
 def test_fringes(remainder: Remainder) -> Trace:
     made = columns.power_columns(remainder, (0, 1, 2))
     trace = score_bases(remainder, "fringes", made, columns.fringes(remainder))
@@ -361,10 +340,6 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("chip", "facets", "the mirror's tip is chipped", "take another mirror, or keep the "
                 "beam off the tip", MICROSCOPE, basis_test("chip", columns.chip_columns),
                 lambda trace, remainder: facets_of(trace.amounts)),
-    Alternative("dust", "facets", "there is dust on a facet", "clean the mirror", MICROSCOPE,
-                test_dust, lambda trace, remainder: (
-                    f"at {trace.at[0]:.2g} mm along x and {trace.at[1]:.2g} mm along y from the "
-                    "tip")),
     Alternative("uneven", "facets", "a facet reflects unevenly, as one that is tarnished",
                 "clean the mirror, or take another one", MICROSCOPE,
                 basis_test("uneven", columns.uneven_columns, 0.1),
