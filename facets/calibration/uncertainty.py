@@ -1,8 +1,8 @@
-"""How well a calibrated sensor is known: errors that the fit does not see, the trial on samples
-that it has not seen, and the budget of its uncertainty.
+"""The uncertainty of a calibrated sensor: errors that the fit does not see, validation on samples
+that were held back, and the uncertainty budget.
 
-With F the information on all unknowns, those of the samples included, and F_s the part of it that
-source s gives, the covariance is the sum of F^-1 F_s F^-1 over the sources. The samples' own
+With F the information on all unknowns, including the samples' own, and F_s the part of it that
+comes from source s, the covariance is the sum of F^-1 F_s F^-1 over the sources. The samples' own
 unknowns are eliminated as in the fit.
 """
 
@@ -68,9 +68,9 @@ def complete_uncertainty(
     bends: dict[str, float],
     robust: float | None,
 ) -> Sensor:
-    """The fitted sensor with all that its uncertainty has beside that of the fit.
+    """The fitted sensor with the uncertainty of the fit and of the errors that it does not see.
 
-    read: the samples with the readings as they were.  centre: see `centre_sigma`.  bends: see
+    read: the samples with their original readings.  centre: see `centre_sigma`.  bends: see
     `add_open_bends`.
     """
     result, data = remainder.fit, remainder.data
@@ -91,14 +91,16 @@ def misfit_covariance(
     scatter: Scatter,
     causes: list[Cause],
 ) -> Floats:
-    """The covariance (9, 9) of what the model misses in the readings, mm and mW: what the detectors
-    scatter by beside their noise, what the residuals show beyond chance, of a cause that is not
-    known or that stays with the sensor, what a detector's spline leaves open, what drifted since
-    the middle of the run, and the steps in which readings are written.
+    """The covariance (9, 9) of errors of the model in the readings, mm and mW.
 
-    data: with the readings as they were. The unknowns take up a part of it, as they do of the
-    noise, and a larger one, since what a model misses changes smoothly from pose to pose: what is
-    seen is put up by the share of noise that stays in the residuals once more.
+    It includes the detectors' scatter in excess of their noise, the uncertainty of their splines,
+    and the drift since the middle of the run. The steps in which readings are written are added,
+    and residuals beyond chance whose cause is unknown or stays with the sensor.
+
+    data: samples with their original readings. The unknowns absorb a part of the model's error, as
+    they do of the noise, and a larger one, because this error changes smoothly from pose to pose.
+    So the residuals beyond chance are divided once more by the fraction of noise that stays in
+    residuals.
     """
     sigma = np.nanmedian(deviations(sensor, data), axis=0)
     scattered = scatter.size_of(POWERS) ** 2 * np.eye(9)
@@ -107,8 +109,8 @@ def misfit_covariance(
     missed = np.zeros(9)
     if is_doubtful(result):
         sizes = residual_sizes(result, data)
-        share = float(result.redundancy[np.isfinite(data.raw)].mean())
-        missed = sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1))
+        redundancy = float(result.redundancy[np.isfinite(data.raw)].mean())
+        missed = sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(redundancy, 0.1))
     spline = spline_error(sensor, data.raw, result.choice.names, result.covariance)
     drifted = np.zeros(9)
     drifted[PLACE_READINGS] = half_drift(result, data)[2:]
@@ -119,70 +121,73 @@ def misfit_covariance(
     return matrix
 
 
-#: Shift of the light's middle, over the beam's standard deviation, for each unit of the share that
-#: the residuals bound, and of an asymmetric beam's mean deviation from a Gaussian. Of ghosts of a
-#: thousandth it gives 0.3 to 0.6, and they moved x and y of calibrations by 0.5 to 1.4 of their
-#: share (the study `disturbed_rigs`); another reflex, 1 to 2.5 of the beam's standard deviations
-#: away, moves the middle by 2.4 to 0.4 times that deviation.
+#: Shift of the light's centre, in the beam's standard deviations, per unit of the power fraction
+#: outside the model's cross-section, as the residuals bound it. An asymmetric beam has its r.m.s.
+#: deviation from a Gaussian for this fraction. Ghosts of a thousandth moved x and y of calibrations
+#: by 0.5 to 1.4 of their fraction (the study `disturbed_rigs`), for which the bound gives 0.3 to
+#: 0.6. Another reflex, 1 to 2.5 standard deviations away, moves it by 2.4 to 0.4 of its fraction.
 CENTRE_PER_SHARE = 1.5
-#: The root of the sum of squares of the third-order Hermite numbers of another beam, for each unit
-#: of its share of the power, where it is nearly two standard deviations aside.
+#: Root of the sum of squares of the third-order Hermite coefficients of a second beam, per unit of
+#: its fraction of the power, at a distance of nearly two standard deviations.
 ORDER_3_PER_SHARE = 1.45
-#: Area that may be broken off a facet's tip, square to the mirror's axis, mm^2, 1 sigma.
+#: Prior standard uncertainty of the area broken off each facet's tip, square to the mirror's axis,
+#: mm^2.
 CHIP_SIGMA_MM2 = 4e-4
-#: Share of each facet's light that may be lost by a term of second to fourth order in the beam's
-#: place over the motion's reach, as by dust or a chipped edge, 1 sigma.
+#: Prior standard uncertainty of light that is lost, as by dust or a chipped edge, a fraction of a
+#: facet's light. It is that of each term of second to fourth order in x and y, over the reach.
 MAP_SIGMA = 2e-4
 
 
 def centre_sigma(sensor: Sensor, remainder: Remainder, before: dict[str, float]) -> float:
-    """Standard uncertainty of the light's middle in each direction, mm.
+    """Standard uncertainty of the light's centre in each direction, mm.
 
-    The fit takes a small deviation from its cross-section, Gaussian or with the coefficients that
-    it found, for another position of the apex; the residuals show little of it, and bound it: the
-    uneven part of the profile, of third order, tells of a second beam. A chipped tip looks like
-    one, too. Light without any effect of a bench is taken to be Gaussian.  before:
-    see `calibrate.before`.
+    A small deviation from the fitted cross-section of the beam looks like another position of the
+    apex. The residuals show little of it, but they bound it: a second beam has a profile of third
+    order, and so has a chipped tip. Light is taken to be Gaussian where the fit has no effect of
+    real light.  before: see `calibrate.before`.
     """
     if not any(name in EFFECTS for name in remainder.fit.choice.names):
         return 0.0
-    share = before.get("beam_profile_percent", 0.0) / 100
-    if share:
-        sigma = ORDER_3_PER_SHARE * share / 2  # each of four numbers
+    fraction = before.get("beam_profile_percent", 0.0) / 100
+    if fraction:
+        sigma = ORDER_3_PER_SHARE * fraction / 2  # each of four numbers
         square = second_moment(remainder, effect_columns(remainder, "asymmetry"), sigma)
-        share = float(np.sqrt(square)) / ORDER_3_PER_SHARE
-    uneven = CENTRE_PER_SHARE * np.hypot(share, profile_size(remainder.fit, "asymmetry"))
+        fraction = float(np.sqrt(square)) / ORDER_3_PER_SHARE
+    uneven = CENTRE_PER_SHARE * np.hypot(fraction, profile_size(remainder.fit, "asymmetry"))
     return float(np.hypot(beam_sigma(sensor) * uneven, lost_light_shift(remainder)))
 
 
 def lost_light_shift(remainder: Remainder) -> float:
-    """By how much, mm, light that is lost somewhere on the facets, and that the samples leave
-    possible, moves the apex on the reference; r.m.s., the worse of x and y: pieces that are broken
-    off the tip, each facet's another, and what changes with the beam's place as a smooth map."""
+    """Possible shift (r.m.s.) of the apex on the reference by light that is lost on the facets, the
+    larger of x and y, mm.
+
+    Pieces may be broken off the tip, different ones on each facet, and light may be lost as a
+    smooth function of the beam's place, both as far as the samples allow.
+    """
     square = np.zeros(2)
     for columns, sigma in (
         (chip_columns(remainder), CHIP_SIGMA_MM2), (shape_columns(remainder), MAP_SIGMA)
     ):  # fmt: skip
-        beside = remainder.extend(remainder.readable(columns), sigma**-2)
+        wider = remainder.extend(remainder.readable(columns), sigma**-2)
         at = apex_places(remainder.fit)
-        moved = (beside.values - remainder.values)[at]
-        more = (np.diag(beside.covariance)[at] - np.diag(remainder.covariance)[at]).clip(0.0)
+        moved = (wider.values - remainder.values)[at]
+        more = (np.diag(wider.covariance)[at] - np.diag(remainder.covariance)[at]).clip(0.0)
         square[: len(at)] += moved**2 + more
     return float(np.sqrt(square.max()))
 
 
-#: Of a straight line, over half its length: its distance from its end, r.m.s.
+#: R.m.s. distance of the points of a straight line from its end, in half lengths.
 FROM_END = 2 / np.sqrt(3)
 
 
 def apex_places(result: Fit) -> list[int]:
-    """The places of the apex's x and y on the reference among the unknowns of a fit."""
+    """The places of the apex's x and y on the reference among a fit's unknowns."""
     return [n for n, name in enumerate(result.choice.names) if name in ("apex.x", "apex.y")]
 
 
 def beam_drift(result: Fit, data: Data, causes: list[Cause]) -> float:
-    """How far, mm, the beam was from where it ended, r.m.s. over the run, the worse of x and y: in
-    a straight line, and by causes that move it."""
+    """Distance of the beam from its final position, r.m.s. over the run, the larger of x and y, mm:
+    by a straight drift, and by causes that move the beam."""
     square = (half_drift(result, data)[:2] * FROM_END) ** 2
     for cause in causes:
         if cause.best.key.startswith("beam."):
@@ -195,13 +200,13 @@ def beam_drift(result: Fit, data: Data, causes: list[Cause]) -> float:
 def add_open_bends(
     sensor: Sensor, remainder: Remainder, sigma: dict[str, float], robust: float | None
 ) -> Sensor:
-    """The calibrated sensor whose uncertainty includes bends of the detectors that the samples did
-    not call for, as far as they leave them possible: over places that no spot reached.
+    """The calibrated sensor whose uncertainty includes bends of the detectors that are not in the
+    fit, as far as the samples allow them: mostly over places that no spot reached.
 
-    sigma: their prior standard uncertainties.
+    sigma: prior standard uncertainties of the bends.
     """
-    known, result = sensor.calibration, remainder.fit
-    assert known is not None
+    calibration, result = sensor.calibration, remainder.fit
+    assert calibration is not None
     size = len(result.choice.names)
     if not sigma.keys() - set(result.choice.names):
         return sensor
@@ -211,10 +216,10 @@ def add_open_bends(
     of_bends = np.linalg.inv(covariance[size : len(wide.names)])
     added: Floats = np.asarray(covariance @ of_bends @ covariance.T, dtype=float)
     more = sensor_covariance(list(wide.names), result.all_values, added)
-    further = [name for name in more.names if name not in known.names]
-    names = (*known.names, *further)
+    further = [name for name in more.names if name not in calibration.names]
+    names = (*calibration.names, *further)
     at = [names.index(name) for name in more.names]
-    matrix = np.pad(np.array(known.covariance), (0, len(further)))
+    matrix = np.pad(np.array(calibration.covariance), (0, len(further)))
     matrix[np.ix_(at, at)] += more.covariance
     return replace_covariance(sensor, names, matrix)
 
@@ -222,42 +227,47 @@ def add_open_bends(
 def add_unseen_errors(
     sensor: Sensor, result: Fit, data: Data, misfit: Floats, centre: float
 ) -> Sensor:
-    """The calibrated sensor whose uncertainty includes what the model misses in readings (`misfit`:
-    the covariance, see `misfit_covariance`), what the model of real light itself errs by, and the
-    uncertainty of the light's middle, with what the beam drifted (`centre`, mm)."""
+    """The calibrated sensor whose uncertainty includes errors of the model in the readings, the
+    accuracy of the model of real light, and the uncertainty of the light's centre.
+
+    misfit: see `misfit_covariance`.  centre: standard uncertainty of the light's centre, with the
+    beam's drift, mm.
+    """
     from scipy.linalg import block_diag
 
-    known = sensor.calibration
-    assert known is not None
+    calibration = sensor.calibration
+    assert calibration is not None
     exact = real_light_accuracy(result, data)
     unseen = block_diag(misfit, np.diag(exact**2), centre**2 * np.eye(2))
     more = np.flatnonzero(np.diag(unseen) > 0)
     names = np.array([*MISFIT, *MODEL_ERROR, *LIGHT_CENTRE])[more]
-    fitted = covariance_factor(result) * np.array(known.covariance)
+    fitted = covariance_factor(result) * np.array(calibration.covariance)
     matrix = block_diag(fitted, unseen[np.ix_(more, more)])
-    return replace_covariance(sensor, (*known.names, *names.tolist()), matrix)
+    return replace_covariance(sensor, (*calibration.names, *names.tolist()), matrix)
 
 
 def replace_covariance(sensor: Sensor, names: tuple[str, ...], matrix: Floats) -> Sensor:
     """The calibrated sensor with another covariance, of these names."""
     assert sensor.calibration is not None
-    whole = tuple(map(tuple, matrix.tolist()))
-    known = replace(sensor.calibration, names=names, covariance=whole)
-    return replace(sensor, calibration=known)
+    rows = tuple(map(tuple, matrix.tolist()))
+    calibration = replace(sensor.calibration, names=names, covariance=rows)
+    return replace(sensor, calibration=calibration)
 
 
 def real_light_accuracy(result: Fit, data: Data) -> Floats:
-    """By how much (9,) the model of real light itself errs, mm and mW, where a fit has it."""
+    """Standard error (9,) of the model of real light in the readings, mm and mW; zero where the fit
+    has no effects of real light."""
     if any(name in EFFECTS for name in result.choice.names):
         return model_accuracy(data, PLACE_SIGMA_MM)
     return np.zeros(9)
 
 
 def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sensor:
-    """The calibrated sensor whose uncertainty includes that causes, or their rivals, are known by
-    the samples alone, and by how much those that do not stay with it may have moved its parameters:
-    the likeliest, which was undone, or a rival in its place; and what is likely and not sure enough
-    to be named.
+    """The calibrated sensor whose uncertainty includes that of the causes of residuals.
+
+    Each cause, or a rival in its place, is known by the samples alone. One that does not stay with
+    the sensor may have moved its parameters: the likeliest was undone, though a rival may be true.
+    A cause that is likely, but not certain enough to be named, may have moved them, too.
 
     remainder: of the fit to samples without the causes.
     """
@@ -268,21 +278,21 @@ def add_causes(sensor: Sensor, remainder: Remainder, causes: list[Cause]) -> Sen
     return widen(sensor, result, extra)
 
 
-#: The chance that what is undone is another thing, which no alternative describes: unknown kinds
-#: are named wrongly once in ten times (the study `calibrations --faults unseen`).
+#: Probability that the true cause is none of the alternatives: faults of unknown kinds are named
+#: wrongly once in ten times (the study `calibrations --faults unseen`).
 OTHER_CHANCE = 0.1
 
 
 def rivals_covariance(remainder: Remainder, cause: Cause) -> Floats:
-    """The covariance (p, p) of a fit's unknowns, beside that of the fit, of not knowing which of
-    the alternatives of a cause it is, and how large: each as likely as it is."""
+    """The covariance (p, p) that the unknown identity and size of a cause add to that of a fit's
+    unknowns: the mean over the alternatives, weighted by their probabilities."""
     rest, size = cause.remainder, len(remainder.fit.values)
     undone, extra = rest.shift_of_unknowns(cause.best), np.zeros((size, size))
     extra += OTHER_CHANCE * np.outer(undone, undone)
     scale = (rest.noise / remainder.noise)[:, :, None]
     for part, trace, chance in zip(cause.alternatives, cause.traces, cause.chances, strict=True):
-        beside = remainder.extend_by([trace._replace(columns=trace.columns * scale)])
-        extra += chance * (beside.covariance[:size, :size] - remainder.covariance)
+        wider = remainder.extend_by([trace._replace(columns=trace.columns * scale)])
+        extra += chance * (wider.covariance[:size, :size] - remainder.covariance)
         if not part.persists:
             used = trace_in_use(rest, trace)
             moved = rest.shift_of_unknowns(used)
@@ -294,21 +304,21 @@ def rivals_covariance(remainder: Remainder, cause: Cause) -> Floats:
 
 def widen(sensor: Sensor, result: Fit, extra: Floats) -> Sensor:
     """The calibrated sensor with a covariance (p, p) of a fit's unknowns added."""
-    known, names = sensor.calibration, list(result.choice.names)
-    assert known is not None
+    calibration, names = sensor.calibration, list(result.choice.names)
+    assert calibration is not None
     part = np.array(sensor_covariance(names, result.all_values, extra).covariance)
-    matrix = np.array(known.covariance)
+    matrix = np.array(calibration.covariance)
     matrix[: len(part), : len(part)] += part
-    return replace_covariance(sensor, known.names, matrix)
+    return replace_covariance(sensor, calibration.names, matrix)
 
 
-#: A change of the laser's power by which other light is not the same share of it, a share.
+#: Relative change of the laser's power above which background light may not be proportional to it.
 LEAST_CHANGE = 0.05
 
 
 def add_background_scale(sensor: Sensor, result: Fit, data: Data) -> Sensor:
-    """The calibrated sensor whose uncertainty includes that other light on the detectors follows
-    the laser's power, as the fit takes it, or does not."""
+    """The calibrated sensor whose uncertainty includes that background light may not be
+    proportional to the laser's power, as the fit takes it to be."""
     power = relative_power(data, result.own_values, result.all_values)
     change = float(np.abs(power / power.mean() - 1).max())
     if change < LEAST_CHANGE:
@@ -322,8 +332,9 @@ def add_background_scale(sensor: Sensor, result: Fit, data: Data) -> Sensor:
 def add_shared_noise(
     sensor: Sensor, remainder: Remainder, scatter: Scatter, robust: float | None
 ) -> Sensor:
-    """The calibrated sensor whose uncertainty includes that places scatter together, which the fit
-    does not weigh; what this makes better known is left."""
+    """The calibrated sensor whose uncertainty includes that errors of different places are
+    correlated, which the weights of the fit ignore; directions that this would determine better
+    keep their uncertainty."""
     shared = scatter.cross_covariance
     if not shared.matrix.any():
         return sensor
@@ -349,28 +360,29 @@ class Trial(NamedTuple):
 
     @property
     def coverage(self) -> Floats:
-        """The share of 95 % intervals that held, by axis: (6,)."""
+        """The fraction (6,) of 95 % intervals that contain the error, for each axis."""
         with np.errstate(invalid="ignore"):
-            hit = np.abs(self.error) <= coverage_factor(COVERAGE) * self.uncertainty
-        there = np.isfinite(self.error)
-        share: Floats = (hit & there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
-        return share
+            is_inside = np.abs(self.error) <= coverage_factor(COVERAGE) * self.uncertainty
+        is_solved = np.isfinite(self.error)
+        counts = (is_inside & is_solved).sum(axis=0)
+        fraction: Floats = counts / np.maximum(is_solved.sum(axis=0), 1)
+        return fraction
 
 
 def compare_poses(sensor: Sensor, held: Data, values: Floats, result: Fit) -> Trial:
-    """Compare poses from held-back readings with the reference's, the beam known as well as the fit
-    takes it to be.
+    """Compare poses from held-back readings with the reference's, with the fit's prior of the
+    beam.
 
-    values: values of `ALL`, for where the mirror is on the reference.
+    values: values of `ALL`, for the mirror's place on the reference.
     """
     still, values = np.zeros((len(held.raw), OWN_COUNT)), fold_mount(values)
     truth = states_of(held, still, values)
     exact = readings(sensor, truth)
-    seen = exact.copy()
-    add_skew(seen, sensor, held, still, values)
+    delayed = exact.copy()
+    add_skew(delayed, sensor, held, still, values)
     solution: Solution = solve(
         sensor,
-        correct(sensor, held.raw) - (seen - exact),
+        correct(sensor, held.raw) - (delayed - exact),
         beam=Prior(truth[:, 6:], result.choice.beam),
         power="unknown" if result.choice.power else "known",
         threads=0,
@@ -382,15 +394,16 @@ def compare_poses(sensor: Sensor, held: Data, values: Floats, result: Fit) -> Tr
 
 
 def validation_table(nominal: Sensor, result: Fit, held: Data) -> dict[str, NDArray[Any]]:
-    """Poses solved from held-back readings less the reference's; um and urad.
+    """A table of the errors of poses solved from held-back readings, against the reference; um and
+    urad.
 
-    before: by the nominal sensor, r.m.s., its mean error taken off, since where the mirror is on
-    the reference is not known then.  after: by the calibrated one, r.m.s.; robust: the same from
-    the median of the errors' sizes, which a few spikes do not move.  stated: what the uncertainties
-    of pose and reference say.  inside: per cent of 95 % intervals that held.
-    samples: number of poses.
+    before: r.m.s. error with the nominal sensor, without its mean, because the mirror's place on
+    the reference is not known then.  after: r.m.s. error with the calibrated sensor.  robust: the
+    same from the median of the absolute errors, which a few spikes do not change.  stated: standard
+    uncertainty of pose and reference.  inside: percentage of 95 % intervals that contain the
+    error.  samples: number of poses.
     """
-    known = np.isfinite(held.sigma)
+    measured = np.isfinite(held.sigma)
     start = compare_poses(nominal, held, values_of(nominal), result)
     ended = compare_poses(result.sensor, held, result.all_values, result)
     columns = {
@@ -405,7 +418,7 @@ def validation_table(nominal: Sensor, result: Fit, held: Data) -> dict[str, NDAr
         "axis": np.array(POSE),
         "unit": np.array(["urad" if name in ANGLES else "um" for name in POSE]),
     }
-    return names | {name: np.where(known, column, np.nan) for name, column in columns.items()}
+    return names | {name: np.where(measured, column, np.nan) for name, column in columns.items()}
 
 
 def rms(values: Floats) -> Floats:
@@ -419,23 +432,24 @@ REFERENCE = "reference instrument, as stated"
 LASER = "power of the laser, from sample to sample"
 BEAM = "position of the beam, from sample to sample"
 PRIOR = "values known before the calibration"
-#: Sources that the fit does not contain, by the names that they have in the covariance.
+#: Sources that the fit does not contain, with their names in the covariance.
 UNSEEN = {
     "misfit of the model, of unknown cause": MISFIT,
     "accuracy of the model": MODEL_ERROR,
     "middle of the light": LIGHT_CENTRE,
 }
-#: What `add_causes`, `add_shared_noise`, `add_background_scale` and `add_open_bends` add.
+#: The source of what `add_causes`, `add_shared_noise`, `add_background_scale` and `add_open_bends`
+#: add.
 CAUSES = "what the findings name, or the samples leave open"
-#: Share of a variance below which what is left of it comes of the arithmetic.
+#: Fraction of a variance below which a remainder is a rounding error.
 LEAST_REST = 1e-9
 
 
 class Budget(NamedTuple):
     """The covariance of the written parameters by source.
 
-    sensor: (p, p) each, in the order of `Sensor.calibration`.  estimated: the sources whose size
-    the residuals estimate.  freedom: degrees of freedom of that estimate.
+    sensor: (p, p) for each source, in the order of `Sensor.calibration`.  estimated: the sources
+    whose size is estimated from the residuals.  freedom: degrees of freedom of that estimate.
     """
 
     sensor: dict[str, Floats]
@@ -444,25 +458,27 @@ class Budget(NamedTuple):
 
     def effective_freedom(self, variances: dict[str, Floats]) -> Floats:
         """Effective degrees of freedom of sums of variances by source (Welch and Satterthwaite)."""
-        whole = np.asarray(sum(variances.values()))
+        total = np.asarray(sum(variances.values()))
         estimated = np.asarray(sum(variances[name] for name in self.estimated))
-        return effective_degrees_of_freedom(whole, estimated, self.freedom)
+        return effective_degrees_of_freedom(total, estimated, self.freedom)
 
 
 @one_thread
 def calibration_budget(
     nominal: Sensor, data: Data, result: Fit, made: Sensor, robust: float | None
 ) -> Budget:
-    """The budget of a fit that began at `nominal`.  made: the calibrated sensor, as it is
-    written."""
+    """The uncertainty budget of a fit that began at `nominal`.
+
+    made: the calibrated sensor with its complete uncertainty.
+    """
     assert made.calibration is not None
     parts, names = fitted_parts(Task(nominal, data, result.choice, robust), result)
     factor, sensor = covariance_factor(result), dict[str, Floats]()
     written = np.array(made.calibration.covariance)
     for source, part in parts.items():
         covariance = np.array(sensor_covariance(names, result.all_values, factor * part).covariance)
-        beside = len(written) - len(covariance)
-        sensor[source] = np.pad(covariance, (0, beside))
+        further = len(written) - len(covariance)
+        sensor[source] = np.pad(covariance, (0, further))
     for source, kinds in UNSEEN.items():
         is_kind = np.array([name in kinds for name in made.calibration.names])
         if is_kind.any():
@@ -470,15 +486,15 @@ def calibration_budget(
     rest: Floats = written - sum(sensor.values())
     if (np.diag(rest) > LEAST_REST * np.diag(written)).any():
         sensor[CAUSES] = rest
-    # An earlier calibration of which the values are known was itself estimated by residuals.
+    # The covariance of an earlier calibration was itself estimated from residuals.
     estimated = (READINGS,) if result.choice.joint is None else (READINGS, PRIOR)
     freedom = made.calibration.degrees_of_freedom or result.freedom
     return Budget(sensor, estimated if factor == 1 else tuple(parts), max(freedom, 1.0))
 
 
 def fitted_parts(task: Task, result: Fit) -> tuple[dict[str, Floats], list[str]]:
-    """Covariances (p, p) of the unknowns by source, and the unknowns' names: the unknowns of the
-    fit, and the laser's mean power where each sample has its own."""
+    """Covariances (p, p) of the unknowns by source, and the unknowns' names: those of the fit, and
+    the laser's mean power where each sample has its own."""
     at = task.guess(result.all_values, result.own_values)
     _, _, normal = task.linearise(at, task.outlier_limit(at))
     names, size = list(result.choice.names), len(result.covariance)
@@ -491,13 +507,13 @@ def fitted_parts(task: Task, result: Fit) -> tuple[dict[str, Floats], list[str]]
         by_common = np.vstack([by_common, -unit * back[:, 6].mean(axis=0)])
         by_own = np.zeros((len(back), size + 1, OWN_COUNT))
         by_own[:, -1] = np.linalg.inv(normal.inner)[:, 6] * unit / len(back)
-    # The derivatives of the estimates by what was known before of each sample's own unknowns.
+    # The derivatives of the estimates by the prior means of each sample's own unknowns.
     rows = by_own - by_common @ result.covariance @ np.swapaxes(back, 1, 2)
-    known = np.where(task.is_known, 0.0, own_information(task.own_sigma))
+    prior = np.where(task.is_known, 0.0, own_information(task.own_sigma))
 
     def part_of(unknowns: slice) -> Floats:
         some: Floats = np.einsum(
-            "npk,k,nqk->pq", rows[:, :, unknowns], known[unknowns], rows[:, :, unknowns]
+            "npk,k,nqk->pq", rows[:, :, unknowns], prior[unknowns], rows[:, :, unknowns]
         )
         return some
 
@@ -515,8 +531,8 @@ def fitted_parts(task: Task, result: Fit) -> tuple[dict[str, Floats], list[str]]
 def pose_covariances(
     sensor: Sensor, budget: Budget, states: Floats, knowledge: Knowledge
 ) -> dict[str, Floats]:
-    """Covariances (n, 6, 6) of the poses at states (n, 8) by source of the calibration, mm and
-    rad."""
+    """Covariances (n, 6, 6) of the poses at states (n, 8), for each source of the calibration's
+    uncertainty; mm and rad."""
     propagated = propagate_in_light(
         sensor, states, make_plan(sensor, knowledge, shape=states.shape[:1])
     )

@@ -442,7 +442,7 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
     counts = """
         steps samples_per_step samples seed max_steps detectors poses runs periods snr condition
         adc_bits baud gain integral dark_counts starts search_reversals degrees_of_freedom index
-        profile asymmetry scale offset outliers price resolution mean_resolution range size
+        profile asymmetry stains scale offset outliers price resolution mean_resolution range size
         native_limits
     """.split()  # noqa: SIM905
     words = ("_seconds", "_weeks", "_per_hour", "_ratio", "_kg", "_hpa")
