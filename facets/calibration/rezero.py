@@ -1,19 +1,19 @@
-"""What changed since a calibration, from readings at one stop of the mirror, then and now.
+"""Estimate changes since a calibration from readings at one stop of the mirror, then and now.
 
-The mirror stands at the same stop twice. The difference d of the mean readings is
+The mirror rests at the same stop twice. The difference d of the mean readings is
 
     d = D x + P m + G t + n
 
-x: what changed: the beam's position and width, the laser's power, the detectors' gains and
-the heights of their posts; Gaussian, with the standard uncertainties of `ChangePriors`. At one stop
-a wider beam and higher posts look nearly alike: only both together are known.  m: how far the
-mirror stands from where it stood.  t: errors of the calibrated parameters.  n: noise of the means.
-D, P: derivatives of the readings.  G: difference of the readings' derivatives now and then, so that
-t counts only where a large change meets a parameter that is not well known.
+x: changes of the beam's position and width, the laser's power, the detectors' gains and the heights
+of their posts; Gaussian, with the standard uncertainties of `ChangePriors`. At one stop a wider
+beam and higher posts look nearly alike, and only their combination is determined.  m: displacement
+of the mirror between the two visits.  t: errors of the calibrated parameters.  n: noise of the
+means.  D, P: derivatives of the readings.  G: difference of the readings' derivatives now and then,
+so that t counts only where a large change meets a parameter that is not well known.
 
 The estimate of x is the most probable one, found by Gauss-Newton steps, because 20 um of beam
-motion are a tenth of the beam's width. The calibrated values stay. The covariance of the parameters
-now is that of the calibration, of x, and between both.
+motion are a tenth of the beam's width. The calibrated values stay. The covariance of the present
+parameters consists of that of the calibration, that of x, and that between both.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from .alternatives.score import falls_of
 from .fitting.bundle_adjustment import Data
 from .fitting.fit import GAINS
 from .fitting.samples import add_converter_steps
-from .table import REFERENCE, stands_of, whole_table
+from .table import REFERENCE, find_reference_dwells, whole_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -60,39 +60,39 @@ if TYPE_CHECKING:
     from ..core.settings import Config
 
 HEIGHTS = tuple(f"psd_{letter}.height" for letter in DETECTORS)
-#: The parameters that may have changed; the beam's position moves the light's centre. The last of
-#: ten changes is a factor to the beam's width, which keeps its shape.
+#: The parameters that may have changed; the beam's position is that of the light's centre. The last
+#: of the ten changes scales the beam's width and keeps its shape.
 CHANGES = (*LIGHT_CENTRE, "beam.power", *GAINS, *HEIGHTS, *SHAPE)
-#: A stop's rows are compared in so many blocks, of two rows at least.
+#: Number of blocks in which a stop's rows are compared, and the least number of rows.
 BLOCKS, MIN_ROWS = 16, 32
-#: Standard deviation of the blocks' means over the noise of one sample: beyond it the mirror or the
-#: light moved by more than any averaging is worth.
+#: Largest ratio of the standard deviation of the blocks' means to the noise of one sample; above it
+#: the mirror or the light moved, and averaging is no use.
 MAX_WANDER = 2.0
 #: Gauss-Newton steps; four settle the largest changes.
 STEPS = 6
-#: Probability below which the changes do not explain the readings: of a misfit that is at least as
-#: large, and that chance explains as much as a motion of the mirror would.
+#: Probability by chance, below which the changes do not explain the readings: of a misfit at least
+#: as large, and of as large an apparent motion of the mirror or a detector.
 LEAST_CHANCE = 0.01
 
 
 @dataclass(frozen=True)
 class ChangePriors:
-    """Standard uncertainties of what may have changed since the calibration.
+    """Standard uncertainties of possible changes since the calibration.
 
     Parameters
     ----------
     beam
         Position of the beam in x and in y, mm.
     power
-        Power of the laser, as a share of it.
+        Power of the laser, as a fraction.
     gain
-        Gain of each detector, as a share of it.
+        Gain of each detector, as a fraction.
     post
         Height of each detector's post, mm.
     width
-        Diameter of the beam, as a share of it, the same in all directions.
+        Diameter of the beam, as a fraction, the same in all directions.
     stop, stop_angle
-        Position (mm) and angles (rad) of the mirror at the stop now relative to those then.
+        Position (mm) and angles (rad) of the mirror at the stop now, relative to those then.
     """
 
     beam: float = 0.020
@@ -104,8 +104,10 @@ class ChangePriors:
     stop_angle: float = 5e-7
 
     def sigmas(self, power: float) -> Floats:
-        """The standard uncertainties (10,) of the changes, in mm, mW and shares.  power: of the
-        laser, mW."""
+        """The standard uncertainties (10,) of the changes, in mm, mW and fractions.
+
+        power: of the laser, mW.
+        """
         sizes = ([self.beam] * 2, [self.power * power], [self.gain] * 3, [self.post] * 3)
         return np.concatenate([*sizes, [self.width]])
 
@@ -115,8 +117,8 @@ class StopReadings:
     """Mean readings (m, 9) at m stops as the detectors gave them, mm and mW, and the variances of
     these means.
 
-    warmer: (m,) by how much a stop was warmer than the reference temperature of the calibration, K;
-    None for a sensor that does not follow the temperature.
+    warmer: (m,) temperatures of the stops relative to the reference temperature of the calibration,
+    K; None for a sensor that does not depend on the temperature.
     """
 
     mean: Floats
@@ -126,22 +128,21 @@ class StopReadings:
 
 @dataclass(frozen=True)
 class NewZero:
-    """What changed since a calibration.
+    """The changes since a calibration, with their uncertainties and the sensor now.
 
     Attributes
     ----------
     sensor
         The sensor now. Its calibration holds the covariance of the parameters as they are now.
     beam
-        Position of the beam (2,) beside the one that is known otherwise, mm: see
-        `Solve.beam_offset`.
+        Position of the beam (2,) relative to the configured one, mm: see `Solve.beam_offset`.
     change, uncertainty, prior
-        The changes (10,), their standard uncertainties, and those before; mm, mW and shares.
+        The changes (10,), their standard uncertainties, and their prior ones; mm, mW and fractions.
     chi_square, freedom
         Chi-square of the readings' differences with all priors, and its expectation.
     causes
-        What else would explain the readings beyond chance, and is not beaten by more than chance:
-        alternatives with what would be their size, the likeliest first.
+        Alternatives that would explain the readings beyond chance, with their sizes, the likeliest
+        first; alternatives that are much less likely than the first are not listed.
     """
 
     sensor: Sensor
@@ -160,21 +161,20 @@ class NewZero:
 
     @property
     def is_explained(self) -> bool:
-        """Whether the changes explain the readings, and nothing else explains them better than
-        chance does."""
+        """Whether the changes explain the readings and no alternative is likely."""
         return self.chance >= LEAST_CHANCE and not self.causes
 
 
 def stop_readings(sensor: Sensor, raw: Floats, name: str = "the readings") -> StopReadings:
-    """Average the readings of a mirror that stands still.
+    """Average the readings of a mirror at rest.
 
     Parameters
     ----------
     sensor
-        The sensor, whose noise the means have at least.
+        The sensor, whose noise is the least noise of the readings.
     raw
-        Readings (n, 9) as the detectors gave them, mm and mW; rows that are not finite are left
-        out.
+        Readings (n, 9) as the detectors gave them, mm and mW; rows that are not finite are
+        excluded.
     name
         Name of the readings, for messages.
 
@@ -182,8 +182,8 @@ def stop_readings(sensor: Sensor, raw: Floats, name: str = "the readings") -> St
     -------
     StopReadings
         One stop. The variance of a mean follows from the noise of the sensor or, where that is
-        larger, from the scatter of the means of 16 blocks, so that slow noise counts; what a
-        converter's steps leave in a mean is added.
+        larger, from the scatter of the means of 16 blocks, so that slow noise counts. The variance
+        by a converter's steps is added.
 
     Raises
     ------
@@ -191,16 +191,16 @@ def stop_readings(sensor: Sensor, raw: Floats, name: str = "the readings") -> St
         If fewer than 32 rows are finite, or if the readings wander by more than twice the noise of
         one sample.
     """
-    whole = raw[np.isfinite(raw).all(axis=1)]
-    count = len(whole)
+    complete = raw[np.isfinite(raw).all(axis=1)]
+    count = len(complete)
     if count < MIN_ROWS:
         raise InputError(
             f"{name}: {count} rows with all nine readings; a stop needs {MIN_ROWS} at least, and "
             "two seconds of a detector board are better"
         )
-    middle = np.array([mean(column) for column in whole.T])
+    middle = np.array([mean(column) for column in complete.T])
     noise = standard_deviations(sensor, correct(sensor, middle[None]))[0]
-    blocks = np.array([part.mean(axis=0) for part in np.array_split(whole, BLOCKS)])
+    blocks = np.array([part.mean(axis=0) for part in np.array_split(complete, BLOCKS)])
     scatter = blocks.std(axis=0, ddof=1)
     worst = int(np.argmax(scatter / noise))
     if scatter[worst] > MAX_WANDER * noise[worst]:
@@ -229,9 +229,10 @@ def combine_means(sensor: Sensor, means: Floats, sigma: Floats, rows: Floats) ->
 
 
 def read_stops(path: Path, settings: Config, dwells: bool) -> StopReadings:
-    """The stop that a table of readings holds, or with `dwells` each stand of its reference.
+    """The single stop of a table of readings, or with `dwells` one stop for each dwell of its
+    reference.
 
-    Raises `InputError` where the mirror moved, or where there is no reference that stands still.
+    Raises `InputError` where the mirror moved, or where the reference has no dwells.
     """
     sensor, reference = settings.sensor, settings.calibrate.reference
     measured = [n for n in range(6) if np.isfinite(reference[n])]
@@ -241,15 +242,15 @@ def read_stops(path: Path, settings: Config, dwells: bool) -> StopReadings:
     columns = whole_table(path, needed, ())
     if not dwells:
         return average_stop(sensor, columns, str(path))
-    stands = stands_of(columns, reference)
-    means = np.column_stack([stands.columns[name] for name in READING_COLUMNS])
+    rests = find_reference_dwells(columns, reference)
+    means = np.column_stack([rests.columns[name] for name in READING_COLUMNS])
     if not len(means) or not np.isfinite(means).all():
         raise InputError(
             f"{path}: the reference stands still {len(means)} times; every stop needs all nine "
             "readings"
         )
     return add_temperature(
-        sensor, combine_means(sensor, means, stands.noise, stands.rows), stands.columns, str(path)
+        sensor, combine_means(sensor, means, rests.noise, rests.rows), rests.columns, str(path)
     )
 
 
@@ -287,7 +288,7 @@ def renew_zero(
     priors: ChangePriors | None = None,
     beam: tuple[float, float] = (0.0, 0.0),
 ) -> NewZero:
-    """Estimate what changed since a calibration from readings at the same stops, then and now.
+    """Estimate changes since a calibration from readings at the same stops, then and now.
 
     Parameters
     ----------
@@ -313,8 +314,8 @@ def renew_zero(
 
     Notes
     -----
-    A stop does not tell a motion of the mirror along z from posts that grew, nor 0.1 % of one
-    detector's gain from nothing. The uncertainties include `ChangePriors.stop`.
+    At one stop, a motion of the mirror along z is indistinguishable from posts that grew, and 0.1 %
+    of one detector's gain is not detectable. The uncertainties include `ChangePriors.stop`.
 
     Examples
     --------
@@ -351,7 +352,8 @@ def renew_zero(
 
 
 class StopComparison:
-    """The readings at the stops then and now, and what the model makes of changes (10,)."""
+    """The readings at the stops then and now, and those that the model predicts for changes
+    (10,)."""
 
     def __init__(
         self,
@@ -363,14 +365,14 @@ class StopComparison:
     ) -> None:
         assert sensor.calibration is not None
         self.now, self.names = now, sensor.calibration.names
-        self.known = np.array(sensor.calibration.covariance)
+        self.covariance = np.array(sensor.calibration.covariance)
         nothing = np.zeros(len(then.mean))
-        #: How much warmer the stops are than the calibration's reference, then and now (m,), K.
+        #: Temperatures of the stops then and now, relative to the calibration's reference (m,), K.
         self.then_warmer = nothing if then.warmer is None else then.warmer
         self.now_warmer = nothing if now.warmer is None else now.warmer
         exact = exact_readings(sensor, then.mean, self.then_warmer)
-        known = Prior(np.array(beam) + beam_shift(sensor, self.then_warmer), 0.0)
-        solution = solve(sensor, exact, beam=known, power="unknown", covariance=False)
+        position = Prior(np.array(beam) + beam_shift(sensor, self.then_warmer), 0.0)
+        solution = solve(sensor, exact, beam=position, power="unknown", covariance=False)
         if not solution.converged.all():
             label = Status(int(solution.status[~solution.converged][0])).label
             raise InputError(
@@ -387,7 +389,7 @@ class StopComparison:
         self.noise += np.diag((then.variance + now.variance).ravel())
 
     def change_sensor(self, change: Floats) -> Sensor:
-        """The sensor with changes (10,), but for the beam's position."""
+        """The sensor with changes (10,), except that of the beam's position."""
         sensor = self.sensor
         psds = [
             replace(psd, height=psd.height + height,
@@ -422,25 +424,25 @@ class StopComparison:
     def weights(self, change: Floats) -> tuple[Floats, Floats]:
         """The inverse covariance (9 m, 9 m) of the readings' differences without changes, and the
         derivatives (9 m, p) of these differences by the calibrated parameters."""
-        apart = self.derivatives(change, self.names)
-        apart -= derivatives(self.sensor, self.states, self.names, self.then_warmer)
-        covariance = self.noise + apart @ self.known @ apart.T
-        return np.linalg.inv(covariance), apart
+        by_parameters = self.derivatives(change, self.names)
+        by_parameters -= derivatives(self.sensor, self.states, self.names, self.then_warmer)
+        covariance = self.noise + by_parameters @ self.covariance @ by_parameters.T
+        return np.linalg.inv(covariance), by_parameters
 
     def estimate(self) -> Floats:
         """The most probable changes (10,)."""
-        change, known = np.zeros(len(self.prior)), self.prior**-2
+        change, information = np.zeros(len(self.prior)), self.prior**-2
         for _ in range(STEPS):
             weights, _ = self.weights(change)
             slopes, residuals = self.slopes(change), self.residuals(change)
-            matrix = slopes.T @ weights @ slopes + np.diag(known)
+            matrix = slopes.T @ weights @ slopes + np.diag(information)
             change = change + np.linalg.solve(
-                matrix, slopes.T @ weights @ residuals - known * change
+                matrix, slopes.T @ weights @ residuals - information * change
             )
         return change
 
     def residuals(self, change: Floats) -> Floats:
-        """The readings' differences (9 m,) less those that the changes explain."""
+        """The readings' differences (9 m,) minus those that the changes explain."""
         exact = exact_readings(self.change_sensor(change), self.now.mean, self.now_warmer)
         return (exact - self.predict(change) - self.offset).ravel()
 
@@ -448,30 +450,30 @@ class StopComparison:
         self, change: Floats
     ) -> tuple[Floats, Floats, float, list[tuple[Alternative, str]]]:
         """The covariance (10, 10) of the most probable changes, their covariance (10, p) with the
-        calibrated parameters, chi-square, and what else would explain the readings."""
-        weights, apart = self.weights(change)
+        calibrated parameters, chi-square, and alternatives that would explain the readings."""
+        weights, by_parameters = self.weights(change)
         slopes, residuals = self.slopes(change), self.residuals(change)
-        known = self.prior**-2
-        matrix = slopes.T @ weights @ slopes + np.diag(known)
+        information = self.prior**-2
+        matrix = slopes.T @ weights @ slopes + np.diag(information)
         covariance: Floats = np.linalg.inv(matrix).astype(float)
         back = covariance @ slopes.T @ weights
-        cost = float(residuals @ weights @ residuals + known @ change**2)
-        beside = weights - weights @ slopes @ back  # what the changes do not take up
-        pulled = beside @ residuals + back.T @ (known * change)
-        causes = self.explain(weights, beside, pulled)
-        return covariance, -back @ apart @ self.known, cost, causes
+        cost = float(residuals @ weights @ residuals + information @ change**2)
+        reduced = weights - weights @ slopes @ back  # in directions that no change absorbs
+        pulled = reduced @ residuals + back.T @ (information * change)
+        causes = self.explain(weights, reduced, pulled)
+        return covariance, -back @ by_parameters @ self.covariance, cost, causes
 
     def explain(
-        self, weights: Floats, beside: Floats, pulled: Floats
+        self, weights: Floats, reduced: Floats, pulled: Floats
     ) -> list[tuple[Alternative, str]]:
-        """What else would explain the residuals: a motion of the mirror along one axis, or a
-        detector that moved; see `remainder`."""
-        tried = what_moves(jacobian(self.sensor, self.states))
+        """Alternatives that would explain the residuals, with their sizes: a motion of the mirror
+        along one axis, or a detector that moved; see `remainder`."""
+        tried = possible_moves(jacobian(self.sensor, self.states))
         scores = []
         for alternative, axes, columns in tried:
-            whole, square = (columns.T @ part @ columns for part in (weights, beside))
+            total, square = (columns.T @ part @ columns for part in (weights, reduced))
             side = columns.T @ pulled
-            fall, amounts, count = falls_of(whole[None], square[None], side[None])
+            fall, amounts, count = falls_of(total[None], square[None], side[None])
             chance = log_chance(float(fall[0]), float(count[0])) + np.log(len(tried))
             size = np.zeros(6) if alternative is SEAT else np.zeros(2)
             size[axes] = amounts[0]
@@ -481,9 +483,12 @@ class StopComparison:
         return [(alternative, size) for chance, alternative, size in scores if chance < limit]
 
 
-def what_moves(slopes: Floats) -> list[tuple[Alternative, list[int], Floats]]:
-    """What may stand elsewhere at stops, with the axes of its amounts and its columns (9 m, q), of
-    the derivatives (m, 9, 8) of the readings by the mirror's states."""
+def possible_moves(slopes: Floats) -> list[tuple[Alternative, list[int], Floats]]:
+    """Possible moves of the mirror and the detectors between stops: each with its axes and the
+    columns (9 m, q) that it adds to the readings.
+
+    slopes: the derivatives (m, 9, 8) of the readings by the mirror's states.
+    """
     moved = slopes[:, :, :6].reshape(-1, 6)
     tried = [(SEAT, [n], moved[:, [n]]) for n in range(6)]
     for k, letter in enumerate(DETECTORS):
@@ -492,13 +497,12 @@ def what_moves(slopes: Floats) -> list[tuple[Alternative, list[int], Floats]]:
     return tried
 
 
-#: The mirror stands elsewhere at the stop.
+#: The alternative that the mirror rests elsewhere at the stop.
 SEAT = BY_KEY["seat.jumped"]
 
 
 def describe_size(alternative: Alternative, amounts: Floats) -> str:
-    """By how much something moved, in words; amounts: of a pose (6,) or of a place (2,), rad and
-    mm."""
+    """The size of a move in words.  amounts: of a pose (6,) or of a place (2,), mm and rad."""
     if alternative is SEAT:
         axis = int(np.argmax(np.abs(amounts) / FINE_UNITS[:6]))
         unit = "um" if axis < 3 else "urad"
@@ -530,19 +534,22 @@ def block_diagonal(blocks: Floats) -> Floats:
     return matrix.reshape(9 * count, 9 * count)
 
 
-def add_covariance(sensor: Sensor, known: Calibration, covariance: Floats, cross: Floats) -> Sensor:
-    """The sensor with the covariance of its parameters now, each of which is the calibrated one and
-    its change.
+def add_covariance(
+    sensor: Sensor, calibration: Calibration, covariance: Floats, cross: Floats
+) -> Sensor:
+    """The sensor with the covariance of its present parameters, the sums of the calibrated ones and
+    their changes.
 
-    covariance, cross: of the changes (10, 10), and with the calibrated parameters (10, p).
+    covariance, cross: of the changes (10, 10), and between changes and calibrated parameters (10,
+    p).
     """
-    names = (*known.names, *(name for name in CHANGES if name not in known.names))
-    size, count = len(known.names), len(covariance)
-    joint = np.block([[np.array(known.covariance), cross.T], [cross, covariance]])
+    names = (*calibration.names, *(name for name in CHANGES if name not in calibration.names))
+    size, count = len(calibration.names), len(covariance)
+    joint = np.block([[np.array(calibration.covariance), cross.T], [cross, covariance]])
     sums = np.zeros((len(names), size + count))
     sums[range(size), range(size)] = 1.0
     sums[[names.index(name) for name in CHANGES], size:] = spread_of(sensor)
     matrix = sums @ joint @ sums.T
     matrix = (matrix + matrix.T) / 2
-    now = replace(known, names=names, covariance=tuple(map(tuple, matrix.tolist())))
+    now = replace(calibration, names=names, covariance=tuple(map(tuple, matrix.tolist())))
     return replace(sensor, calibration=now)

@@ -1,5 +1,4 @@
-"""Read a table of readings and reference poses for a calibration, and make tables of the
-results."""
+"""Read the table of readings and reference poses of a calibration, and make tables of results."""
 
 from __future__ import annotations
 
@@ -54,12 +53,12 @@ if TYPE_CHECKING:
     from ..core.sensor import Psd
 
 
-#: What the reference says, one column an axis that it measures.
+#: Columns of the reference's pose, one for each axis that it measures.
 REFERENCE = tuple(f"ref_{name}" for name in STATE_COLUMNS[:6])
 BEAM = STATE_COLUMNS[6:]
-#: Over how long a board's clock is taken to be even, and how often it is compared, s.
+#: Time over which a board's clock is taken to be uniform, and interval at which it is compared, s.
 CLOCK_WINDOW_S, CLOCK_STEP_S = 10.0, 0.05
-#: What says when and how a sample was taken.
+#: Columns of a sample's time and temperature.
 RUN = ("time_s", TEMPERATURE_COLUMN)
 
 
@@ -74,11 +73,11 @@ def read(path: Path, settings: Calibrate) -> Data:
 
 
 def read_columns(path: Path, settings: Calibrate) -> dict[str, Floats]:
-    """The columns of `read`."""
-    beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
+    """Read the columns of `read`."""
+    of_beam = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
     needed = (*READING_COLUMNS, *(REFERENCE[n] for n in measured))
-    optional = (*beside, *RUN, *(REFERENCE[n] for n in range(6) if n not in measured))
+    optional = (*of_beam, *RUN, *(REFERENCE[n] for n in range(6) if n not in measured))
     try:
         return whole_table(path, needed, optional)
     except tables.MissingColumnsError as error:
@@ -113,10 +112,11 @@ def whole_table(
 
 
 def recording_time(host: Floats, board: Floats) -> Floats:
-    """When samples (n,) were taken: `host` s, without what a busy machine errs by for a moment.
+    """Times (n,) of samples, s: `host`, without the momentary delays of a busy machine.
 
-    board: the board's clock, s, which hardly drifts within CLOCK_WINDOW_S: over so long the median
-    of the difference of both clocks is taken. Where the board's clock does not go on, it is `host`.
+    board: the board's clock, s, which hardly drifts within CLOCK_WINDOW_S: the difference of both
+    clocks is replaced by its median over this time. Where the board's clock does not increase, the
+    result is `host`.
     """
     if len(host) < 2 or not (np.isfinite(host) & np.isfinite(board)).all():
         return host
@@ -125,16 +125,16 @@ def recording_time(host: Floats, board: Floats) -> Floats:
     from scipy.ndimage import median_filter
 
     knots = np.arange(board[0], board[-1], CLOCK_STEP_S)
-    apart = (host - board)[np.searchsorted(board, knots)]
+    difference = (host - board)[np.searchsorted(board, knots)]
     size = int(CLOCK_WINDOW_S / CLOCK_STEP_S)
-    time: Floats = board + np.interp(board, knots, median_filter(apart, size, mode="reflect"))
+    time: Floats = board + np.interp(board, knots, median_filter(difference, size, mode="reflect"))
     return time
 
 
 def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Data:
     """Make samples from columns, without rows that lack a pose or any reading.
 
-    Raises `InputError` if fewer than 10 are left.
+    Raises `InputError` if fewer than 10 remain.
     """
     count = len(next(iter(columns.values())))
 
@@ -174,30 +174,30 @@ def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) 
 def averaged_columns(
     path: Path, columns: dict[str, Floats], settings: Calibrate
 ) -> tuple[dict[str, Floats], Floats, Floats]:
-    """Means of the columns over the times in which the reference stands still, the noise of their
-    readings, and the number of rows in each.
+    """Means of the columns over each dwell of the reference, the noise of the mean readings, and
+    the number of rows in each dwell.
 
-    Raises `InputError` where it does not stand still ten times.
+    Raises `InputError` where the reference has fewer than ten dwells.
     """
-    stands = stands_of(columns, settings.reference)
-    if len(stands.rows) < 10:
+    dwells = find_reference_dwells(columns, settings.reference)
+    if len(dwells.rows) < 10:
         raise InputError(
-            f"{path}: the reference stands still {len(stands.rows)} times, for {FEWEST} rows or "
+            f"{path}: the reference stands still {len(dwells.rows)} times, for {FEWEST} rows or "
             f"more within {WITHIN:g} of its standard uncertainties; a calibration needs 10 at "
             "least. Leave out --dwells for a motion that does not stop"
         )
-    return stands.columns, stands.noise, stands.rows
+    return dwells.columns, dwells.noise, dwells.rows
 
 
-def stands_of(columns: dict[str, Floats], reference: Sequence[float]) -> Dwells:
-    """The times in which a reference of these uncertainties (6,) stands still."""
+def find_reference_dwells(columns: dict[str, Floats], reference: Sequence[float]) -> Dwells:
+    """The dwells of a reference.  reference: its standard uncertainties (6,)."""
     measured = [n for n in range(6) if np.isfinite(reference[n])]
     pose = np.column_stack([columns[REFERENCE[n]] * STATE_UNITS[n] for n in measured])
     return dwell_means(columns, pose, np.array(reference)[measured])
 
 
 def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
-    """The clock of the samples (n, 3), see `Data.clock`."""
+    """Times and temperatures of the samples (n, 3), see `Data.clock`."""
     if not any(name in columns for name in ("time_s", TEMPERATURE_COLUMN)):
         return None
     out = np.zeros((int(good.sum()), len(CLOCKS)))
@@ -210,23 +210,24 @@ def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
 
 
 def half_runs(time: Floats) -> Floats:
-    """Times (n,) in half runs, from -1 to 1."""
+    """Times (n,) scaled to the range from -1 to 1."""
     low, high = np.nanmin(time), np.nanmax(time)
-    over: Floats = (2 * time - low - high) / max(high - low, 1e-300)
-    return over
+    scaled: Floats = (2 * time - low - high) / max(high - low, 1e-300)
+    return scaled
 
 
-#: The share of a run over which the temperature's change is taken.
+#: Fraction of a run over which the temperature is smoothed before its rate of change is taken.
 CHANGE_SHARE = 0.05
-#: Time constants with which a head may follow the temperature, in half runs.
+#: Time constants of a head that follows the temperature late, in half runs.
 PAST_HALF_RUNS = np.array([0.1, 0.2, 0.4, 0.8, 1.6])
 
 
 def pasts(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
-    """By how much heads that follow the temperature late are warmer than it (n, 6), K, by
-    `PAST_HALF_RUNS`, and one that a thermometer follows late; None without a temperature.
+    """Temperatures of heads relative to the column `temperature_c` (n, 6), K: of heads that follow
+    it with the time constants `PAST_HALF_RUNS`, and of one that a slow thermometer follows.
 
-    A head begins in equilibrium. Without `time_s` the rows count as taken at equal times.
+    None without a temperature. A head begins in equilibrium. Without `time_s` the rows count as
+    taken at equal intervals.
     """
     if TEMPERATURE_COLUMN not in columns:
         return None
@@ -235,30 +236,30 @@ def pasts(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
 
     temperature = columns[TEMPERATURE_COLUMN][good]
     time = half_runs(columns.get("time_s", np.arange(len(good), dtype=float))[good])
-    there = np.flatnonzero(np.isfinite(time) & np.isfinite(temperature))
-    order = there[np.argsort(time[there], kind="stable")]
-    at, warmer = time[order, None] / PAST_HALF_RUNS, temperature[order, None]
+    finite = np.flatnonzero(np.isfinite(time) & np.isfinite(temperature))
+    order = finite[np.argsort(time[finite], kind="stable")]
+    at, air = time[order, None] / PAST_HALF_RUNS, temperature[order, None]
     growth = np.exp(at - at[0])
-    past = cumulative_trapezoid(growth * (warmer - warmer[0]), at, axis=0, initial=0) / growth
+    past = cumulative_trapezoid(growth * (air - air[0]), at, axis=0, initial=0) / growth
     out = np.zeros((len(time), len(PAST_HALF_RUNS) + 1))
-    out[order, :-1] = past + warmer[0] - warmer
+    out[order, :-1] = past + air[0] - air
     if len(order) > 1:
         size = max(3, int(CHANGE_SHARE * len(order)))
-        smooth = uniform_filter1d(warmer[:, 0], size, mode="nearest")
+        smooth = uniform_filter1d(air[:, 0], size, mode="nearest")
         steps = np.maximum(np.diff(time[order]), 1e-12)
         out[order[1:], -1] = np.diff(smooth) / steps
         out[order[0], -1] = out[order[1], -1]
     return out
 
 
-#: How much of a motion a straight line between neighbours misses, at most, for it to be one that
-#: was followed in time.
+#: Largest ratio of a pose's distance from the line between its neighbours to their distance, for
+#: rows to count as samples of a motion in time.
 MOST_BEND = 0.3
 
 
 def time_derivatives(time: Floats, pose: Floats) -> tuple[Floats, Floats] | tuple[None, None]:
-    """Velocities and accelerations (n, 6), mm, rad and s, of a cubic spline through the rows; None
-    if the rows are no motion in time."""
+    """Velocities and accelerations (n, 6), in mm, rad and s, of a cubic spline through the rows;
+    None if the rows are not samples of a motion in time."""
     step = np.diff(time)
     if len(time) < 5 or not (np.isfinite(step).all() and (step > 0).all()):
         return None, None
@@ -277,7 +278,7 @@ def time_derivatives(time: Floats, pose: Floats) -> tuple[Floats, Floats] | tupl
 
 
 def choice(sensor: Sensor, settings: Calibrate) -> Choice:
-    """The unknowns of every fit, by the keys of `calibrate.before`."""
+    """The unknowns of every fit and their priors, from the keys of `calibrate.before`."""
     before = settings.before
     sigma: dict[str, float] = {}
     diameter = before.get("beam_diameter_percent", 0) / 100
@@ -290,15 +291,14 @@ def choice(sensor: Sensor, settings: Calibrate) -> Choice:
     for letter, psd in zip(DETECTORS, sensor.psds, strict=True):
         sigma |= facet_sigmas(letter, before) | detector_sigmas(letter, psd, before)
     sigma |= mounting_sigmas(before)
-    kept = {name: value for name, value in sigma.items() if value > 0}
-    if not kept:
+    unknowns = {name: value for name, value in sigma.items() if value > 0}
+    if not unknowns:
         raise InputError("every key of calibrate.before is null: nothing is to be found")
     power = np.inf if settings.power_per_sample else 0.0
-    return Choice(tuple(kept), np.array(list(kept.values())), power)
+    return Choice(tuple(unknowns), np.array(list(unknowns.values())), power)
 
 
-#: Groups of parameters that may have changed since a calibration, by what their names begin with;
-#: the gains are those that end so.
+#: Groups of parameters that may have changed since a calibration, by the beginnings of their names.
 GROUPS = {
     "beam": ("beam.",),
     "gains": tuple(f"correction_{letter}.power" for letter in DETECTORS),
@@ -308,7 +308,7 @@ GROUPS = {
 
 
 def group_names(before: Iterable[str], groups: Sequence[str]) -> list[str]:
-    """The parameters of groups; raises `InputError` where one has none."""
+    """The parameters of groups; raises `InputError` for a group without any."""
     members = list[str]()
     for group in groups:
         names = [name for name in before if name.startswith(GROUPS[group])]
@@ -319,13 +319,13 @@ def group_names(before: Iterable[str], groups: Sequence[str]) -> list[str]:
 
 
 def choose_groups(sensor: Sensor, settings: Calibrate, groups: Sequence[str]) -> Choice:
-    """All parameters of a calibrated sensor, known before by the covariance of its calibration.
+    """All parameters of a calibrated sensor, with the covariance of its calibration as the prior.
 
-    The parameters of `groups` may have changed since, by what `calibrate.before` says; with the
-    change of each independent, this is what a fit to the data of both calibrations would start
-    from. The laser's power, where each sample has its own, and the mirror's seat are known as in
-    `choice`. Raises `InputError` where the sensor has no calibration, or where a group holds
-    nothing.
+    The parameters of `groups` may have changed since, by the standard uncertainties of
+    `calibrate.before`. With independent changes, a fit to the data of both calibrations would have
+    this prior. The laser's power, where each sample has its own, and the mirror's seat have the
+    priors of `choice`. Raises `InputError` where the sensor has no calibration, or where a group
+    has no parameters.
     """
     if sensor.calibration is None:
         raise InputError(
@@ -378,13 +378,13 @@ def detector_sigmas(letter: str, psd: Psd, before: dict[str, float]) -> dict[str
 
 
 def bends(letter: str, size: float) -> dict[str, float]:
-    """A detector's quadratic and cubic corrections, mm at its edge."""
+    """A detector's quadratic and cubic corrections, with prior uncertainties of `size` mm at its edge."""
     return {f"correction_{letter}.{axis}{a}{b}": size for a, b in MONOMIALS[2:] for axis in "yz"}
 
 
 def mounting_sigmas(before: dict[str, float]) -> dict[str, float]:
-    """Prior uncertainties of the mirror's place on the reference; the apex's height is zero by
-    convention."""
+    """Prior uncertainties of the mirror's place on the reference, mm and rad; the apex's height is
+    zero by convention."""
     sigma = {}
     for name in MOUNTING:
         is_angle = "mount" in name
@@ -393,15 +393,15 @@ def mounting_sigmas(before: dict[str, float]) -> dict[str, float]:
     return sigma | {"apex.z": 0.0}
 
 
-def split(data: Data, share: float) -> tuple[Data, Data]:
-    """The samples to fit, and the samples to hold back, evenly in between."""
+def split(data: Data, fraction: float) -> tuple[Data, Data]:
+    """Split samples into those to fit and, evenly between them, the fraction to hold back."""
     number = np.arange(len(data.raw))
-    held = np.floor((number + 1) * share) > np.floor(number * share)
+    held = np.floor((number + 1) * fraction) > np.floor(number * fraction)
     return data.part(~held), data.part(held)
 
 
-#: In which parameters are shown, and how many of those make one of the code's: by the whole name,
-#: or else by what stands after its last dot.
+#: Output units of parameters, and their factors from the units of the code, by the full name or
+#: else by the part after its last dot.
 UNITS = {
     **dict.fromkeys(EFFECTS, ("", 1.0)),
     **dict.fromkeys(POWER_DRIFT, ("%", 100.0)),
@@ -427,18 +427,18 @@ def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
         return "%", 1600.0 / (sensor.beam.diameter_x * sensor.beam.diameter_y)
     if name in BACKLASH and part in ANGLES:
         return "urad", 1e6
-    known = UNITS.get(name) or UNITS_OF_PARTS.get(part)
-    if known is not None:
-        return known
+    unit = UNITS.get(name) or UNITS_OF_PARTS.get(part)
+    if unit is not None:
+        return unit
     return ("um", 1e3) if head.startswith(("correction", "spline")) else ("mrad", 1e3)
 
 
 def standard_uncertainties(result: Fit, names: Sequence[str]) -> Floats:
     """The standard uncertainty of each named parameter, in the units of the code.
 
-    It is that of the covariance which is written, to which everything is added that the fit does
-    not see. An unknown of the motion, such as where the mirror sits on the reference, is not
-    written, and has that of the fit.
+    Parameters of the sensor have the uncertainties of the covariance that is written, which
+    includes errors that the fit does not see. Unknowns of the motion, such as the mirror's place on
+    the reference, are not written and have the uncertainties of the fit.
     """
     calibrated = result.sensor.calibration
     assert calibrated is not None
@@ -451,27 +451,26 @@ def standard_uncertainties(result: Fit, names: Sequence[str]) -> Floats:
 def unknowns_table(nominal: Sensor, result: Fit) -> dict[str, NDArray[Any]]:
     """A table of each unknown's change and uncertainties.
 
-    The mount's angles are left out: they are part of the facets, whose change and
-    uncertainty hold them.
+    The mount's angles are excluded, because the facets' changes and uncertainties include them.
     """
-    kept = [n for n, name in enumerate(result.choice.names) if not name.startswith("mount.")]
-    names = [result.choice.names[n] for n in kept]
+    rows = [n for n, name in enumerate(result.choice.names) if not name.startswith("mount.")]
+    names = [result.choice.names[n] for n in rows]
     units = [unit_of(name, nominal) for name in names]
     factors = np.array([factor for _, factor in units])
     change = fold_mount(result.all_values) - values_of(nominal)
     return {
         "parameter": np.array(names),
         "unit": np.array([unit for unit, _ in units]),
-        "known_before": result.choice.sigma[kept] * factors,
+        "known_before": result.choice.sigma[rows] * factors,
         "change": change[[PLACE[name] for name in names]] * factors,
         "u": standard_uncertainties(result, names) * factors,
     }
 
 
 def parameter_table(nominal: Sensor, result: Fit, made: Sensor) -> dict[str, NDArray[Any]]:
-    """A table of the calibrated parameters of the sensor `made` that a calibration has written.
+    """A table of the parameters of the calibrated sensor `made`.
 
-    place: in the order of `Sensor.calibration`.
+    place: the parameter's place in the order of `Sensor.calibration`.
     """
     assert made.calibration is not None
     names = [name for name in made.calibration.names if name in PLACE]
