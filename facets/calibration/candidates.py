@@ -1,8 +1,7 @@
 """The effects that a calibration may add to the plain fit, each declared in one place.
 
 Effects of the light are declared on the fields of `core.sensor.BenchLight`; a new effect of the
-detectors or of the run needs one entry in `EVERY_EFFECT`. The search in `search` tries them
-in this order.
+detectors or of the run needs one entry in `EVERY_EFFECT`. `search` tries them in this order.
 """
 
 from __future__ import annotations
@@ -26,8 +25,8 @@ if TYPE_CHECKING:
 Sigmas = dict[str, float]
 #: Effects of light that belong to the mirror's facets.
 OF_FACETS = ("diffraction", "rolloff", "strips", "tip", "coating", "stains")
-#: The unknowns of an effect and their prior standard uncertainties, for a sensor and samples; empty
-#: where these do not allow the effect.
+#: A function that returns the unknowns of an effect with their prior standard uncertainties, for a
+#: sensor and samples; empty where these do not allow the effect.
 Unknowns = Callable[[Sensor, Data], Sigmas]
 
 
@@ -37,16 +36,16 @@ def no_unknowns(sensor: Sensor, data: Data) -> Sigmas:
 
 @dataclass(frozen=True)
 class Effect(Alternative):
-    """An alternative that may become a part of the model: unknowns beside those of the plain fit.
+    """An alternative that may become a part of the model, with unknowns of its own.
 
     key: its name in `calibrate.effects`.  words: a noun phrase for messages.  unknowns: see
-    `Unknowns`.  missing: what the table lacks where the effect has no unknowns; empty if that is
-    not worth a line.  beam: standard deviation of the beam's position from sample to sample, mm.
-    of_light: whether it needs the model of real light.  coated: whether it needs a coating in the
-    sensor.  tried_last: whether a trial is so expensive that it waits until all others are decided.
-    rivals: name of a group of effects that look alike, of which the first of
-    those that explain most is taken.  before: the key of `calibrate.before` by which every fit has
-    its unknowns.
+    `Unknowns`.  missing: the reason why the effect has no unknowns, such as a column that the table
+    lacks; empty if that is not worth a line.  beam: standard deviation of the beam's position from
+    sample to sample, mm.  of_light: whether it needs the model of real light.  coated: whether it
+    needs a coating in the sensor.  tried_last: whether it is tried after all others are decided,
+    because a trial is expensive or because it can imitate others.  rivals: name of a group of
+    effects that look alike, of which the first of those that explain most is taken.  before: the
+    key of `calibrate.before` that adds its unknowns to every fit.
     """
 
     unknowns: Unknowns = no_unknowns
@@ -77,10 +76,11 @@ def light_unknowns(candidate: str) -> Sigmas:
     return {name: sigma for sigmas in every for name, sigma in sigmas.items()}
 
 
-#: How large what an effect adds is taken to be before, 1 sigma: mm, rad, s and shares.  bend,
-#: spline: of a detector, up to third order at its edge, and beyond.  delay: a reference that is
-#: later has another fault.  skew: between two channels of a converter.  play: half of it.  lag: the
-#: share of an axis's last step.  drift: over half a run or a kelvin.  beam: from sample to sample.
+#: Prior standard uncertainties of effects: mm, rad, s and fractions.  bend, spline: corrections of
+#: a detector at its edge, up to third order and beyond.  delay: of the reference; a later one has
+#: another fault.  skew: between two channels of a converter.  play, play_angle: half of a backlash.
+#: lag: fraction of an axis's last step.  drift: over half a run, or per kelvin.  beam: from sample
+#: to sample.
 SIGMAS = {
     "bend": 0.03, "spline": 0.01, "delay": 0.01, "skew": 1e-4, "play": 2e-3, "play_angle": 1e-5,
     "lag": 0.01, "drift": 0.005, "beam": 0.01,
@@ -92,19 +92,20 @@ def bends_of_all() -> Sigmas:
 
 
 def open_bends(settings: Calibrate) -> Sigmas:
-    """The bends of the detectors that a calibration may leave open."""
-    is_known = settings.effects.get("bend") == "off" or "bend_um" in settings.before
-    return {} if is_known else bends_of_all()
+    """The bends of the detectors that a calibration need not fit, with their prior standard
+    uncertainties."""
+    is_decided = settings.effects.get("bend") == "off" or "bend_um" in settings.before
+    return {} if is_decided else bends_of_all()
 
 
 def spline_unknowns(sensor: Sensor, data: Data) -> Sigmas:
-    if any(psd.correction.grid for psd in sensor.psds):  # a table in the configuration stays
+    if any(psd.correction.grid for psd in sensor.psds):  # keep a table of the configuration
         return {}
     return bends_of_all() | dict.fromkeys(SPLINE, SIGMAS["spline"])
 
 
 def motion_unknowns(sigma: Sigmas) -> Unknowns:
-    """Unknowns that only a motion with known velocities determines."""
+    """Unknowns that only a motion with measured velocities determines."""
 
     def unknowns(sensor: Sensor, data: Data) -> Sigmas:
         return {} if data.velocity is None else sigma
@@ -122,7 +123,7 @@ def backlash_unknowns(sensor: Sensor, data: Data) -> Sigmas:
 
 
 def lag_unknowns(sensor: Sensor, data: Data) -> Sigmas:
-    """The unknowns of a lag; none in a motion that is followed in time, where a lag is a delay."""
+    """The unknowns of a lag; none in a motion in time, where a lag is a delay."""
     if data.velocity is not None:
         return {}
     axes = (name.partition(".")[2] for name in backlash_unknowns(sensor, data))
@@ -130,7 +131,7 @@ def lag_unknowns(sensor: Sensor, data: Data) -> Sigmas:
 
 
 def drift_unknowns(*causes: str) -> Unknowns:
-    """Unknowns of a drift.  causes: names out of `CLOCKS`, all of which must change."""
+    """Unknowns of a drift.  causes: regressors out of `CLOCKS`, all of which must vary."""
     columns = [CLOCKS.index(cause) for cause in causes]
 
     def unknowns(sensor: Sensor, data: Data) -> Sigmas:
@@ -158,7 +159,7 @@ EVERY_EFFECT = (
            tried_last=True),
     Effect("delay", "time", "a reference that is late or early",
            unknowns=motion_unknowns({DELAY: SIGMAS["delay"]}), missing="no time_s of a motion"),
-    # beside detector A: what all three have in common is the reference's delay
+    # relative to detector A, because a common delay of all three is that of the reference
     Effect("channel_skew", "time", "channels read one after the other",
            unknowns=motion_unknowns(dict.fromkeys(SKEW[1:], SIGMAS["skew"])),
            missing="no time_s of a motion"),
@@ -195,7 +196,7 @@ def effects_in_use(settings: Calibrate) -> list[Effect]:
 
 
 def is_off(effect: Effect, settings: Calibrate) -> bool:
-    """Whether an effect is not wanted, or has its unknowns in every fit."""
+    """Whether an effect is switched off, or has its unknowns in every fit."""
     if effect.before in settings.before:
         return True
     return settings.effects.get(effect.key, "auto") == "off"
@@ -217,14 +218,14 @@ def add_candidate(chosen: Choice, candidate: Candidate) -> Choice:
     )
 
 
-#: Directions of polarisation from which a fit is begun, rad: half a turn is a whole period.
+#: Directions of polarisation with which fits begin, rad; the period is half a turn.
 POLARISATIONS = (np.pi / 4, np.pi / 2, 3 * np.pi / 4, 0.0)
 #: Refractive index of aluminium at 633 nm, for a coating that the configuration does not describe.
 ALUMINIUM = (1.37, 7.62)
 
 
 def add_coating(sensor: Sensor, polarisation: float = POLARISATIONS[0]) -> Sensor:
-    """The sensor with coated facets and light that may be polarised."""
+    """The sensor with a coating and a polarisation, for a fit to begin with."""
     light = sensor.light
     if light.index is not None and light.polarization is not None:
         return sensor

@@ -1,8 +1,7 @@
-"""Which of a sensor's parameters a motion determines, in words, and which motions determine most,
-in an order that is short to travel.
+"""Describe the parameters that a motion does not determine, and propose poses that determine most.
 
 Everything is in units of the prior uncertainties: a direction in which the data add less
-information than the prior is reported.
+information than the prior is reported. Proposed poses have an order that is short to travel.
 """
 
 from __future__ import annotations
@@ -31,14 +30,16 @@ from .fitting.fit import solve_open_axes
 from .fitting.unknowns import ALL, PLACE, Choice, values_of
 from .table import choice
 
-#: How much of a pattern is not told, at least, for it to be named; and how large a part of another
-#: direction is, at least, to be named.
+#: Least fraction of a pattern that lies in the weak directions, for the pattern to be named; and
+#: least component of another weak direction that is named.
 NAMED_SHARE, NAMED_PART = 0.98, 0.25
 
 
 class Direction(NamedTuple):
-    """A direction of the unknowns.  information: of the data over the prior.  words: its
-    description."""
+    """A direction of the unknowns.
+
+    information: of the data, relative to that of the prior.  words: description of the direction.
+    """
 
     information: float
     words: str
@@ -58,10 +59,11 @@ def information(sensor: Sensor, data: Data, choice: Choice) -> Floats:
 def weak_directions(
     matrix: Floats, choice: Choice, sensor: Sensor, limit: float = 1.0
 ) -> list[Direction]:
-    """The directions in which the data have less than `limit` times the prior's information, least
-    first.
+    """The directions in which the data have less than `limit` times the prior's information, the
+    weakest first.
 
-    Directions with a name come first; the others are described by their parts.
+    A named pattern is used where it lies in these directions; the others are described by their
+    largest parts.
     """
     sizes, directions = np.linalg.eigh(matrix)
     space = directions[:, sizes < limit]
@@ -73,30 +75,30 @@ def weak_directions(
     weak = []
     for words, pattern in patterns(sensor).items():
         scaled = pattern[choice.places] / choice.sigma
-        told = information_along(matrix, scaled)
-        if told < limit and np.linalg.norm(space.T @ scaled) > NAMED_SHARE * np.linalg.norm(scaled):
-            weak.append(Direction(told, words))
-            space = remove_direction(space, scaled / np.linalg.norm(scaled))
+        level, size = information_along(matrix, scaled), np.linalg.norm(scaled)
+        if level < limit and np.linalg.norm(space.T @ scaled) > NAMED_SHARE * size:
+            weak.append(Direction(level, words))
+            space = remove_direction(space, scaled / size)
     small = space.T @ matrix @ space
     values, turned = np.linalg.eigh(small)
     rest = (space @ turned).T
     weak += [
-        Direction(max(float(told), 0.0), describe_direction(direction, choice))
-        for told, direction in zip(values, rest, strict=True)
+        Direction(max(float(level), 0.0), describe_direction(direction, choice))
+        for level, direction in zip(values, rest, strict=True)
     ]
     return sorted(weak)
 
 
 def information_along(matrix: Floats, direction: Floats) -> float:
-    """The information along a direction; infinite where that is none."""
+    """The information along a direction; infinite for a direction of zero length."""
     square = float(direction @ direction)
     return max(float(direction @ matrix @ direction) / square, 0.0) if square else np.inf
 
 
 def conventions(sensor: Sensor, choice: Choice) -> list[Floats]:
-    """Changes of `ALL` that change no pose in any motion, so that nobody needs to know them.
+    """Changes of `ALL` that change no pose in any motion, and need not be determined.
 
-    They are the rotation of the mirror on its reference with its facets turned back and, if each
+    These are a rotation of the mirror on its reference with its facets rotated back and, if each
     sample has its own power, the detectors' common gain.
     """
     changes = []
@@ -114,7 +116,7 @@ def conventions(sensor: Sensor, choice: Choice) -> list[Floats]:
 
 
 def change(parts: dict[str, float]) -> Floats:
-    """Values of `ALL` from a change of some."""
+    """Values of `ALL` that are zero except for these parts."""
     values = np.zeros(len(ALL))
     for name, value in parts.items():
         values[PLACE[name]] = value
@@ -138,7 +140,7 @@ def describe_direction(direction: Floats, choice: Choice) -> str:
 
 
 def patterns(sensor: Sensor) -> dict[str, Floats]:
-    """Changes of `ALL` that have a name, mm and rad."""
+    """Changes of `ALL` by their names, mm and rad."""
     named = {}
 
     def add(words: str, parts: dict[str, float]) -> None:
@@ -188,33 +190,37 @@ def facet_tilts(sensor: Sensor, axis: str) -> dict[str, float]:
 def choose_poses(
     sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats, count: int
 ) -> tuple[NDArray[np.int64], Floats]:
-    """Choose the poses out of candidates (n, 6) that together determine most (D-optimal, one after
-    another).
+    """Choose poses from candidates (n, 6) one after another, each of which adds most information
+    (D-optimal).
 
-    sigma: (6,) of the reference. Returns their numbers (count,), and `mean_reduction` after each.
+    sigma: (6,) standard uncertainty of the reference. Returns the numbers (count,) of the chosen
+    poses, and `mean_reduction` after each.
     """
     rows = pose_information(sensor, choice, sigma, candidates)
     size = len(choice.names)
     covariance, chosen, reductions = np.eye(size), [], []
     for _ in range(count):
         spread = (rows.reshape(-1, size) @ covariance).reshape(rows.shape)
-        told = np.eye(9) + spread @ np.swapaxes(rows, 1, 2)
-        best = int(np.argmax(np.linalg.slogdet(told)[1]))
+        gains = np.eye(9) + spread @ np.swapaxes(rows, 1, 2)
+        best = int(np.argmax(np.linalg.slogdet(gains)[1]))
         chosen.append(best)
-        gain = covariance @ rows[best].T
-        covariance = covariance - gain @ np.linalg.solve(told[best], gain.T)
+        across = covariance @ rows[best].T
+        covariance = covariance - across @ np.linalg.solve(gains[best], across.T)
         reductions.append(mean_reduction(np.linalg.inv(covariance)))
     return np.array(chosen), np.array(reductions)
 
 
 def mean_reduction(matrix: Floats) -> float:
-    """The geometric mean of the uncertainties over the prior ones. matrix: all information."""
+    """The geometric mean of the ratios of the uncertainties to the prior ones.
+
+    matrix: information (p, p) of data and prior, in units of the prior.
+    """
     return float(np.exp(-np.linalg.slogdet(matrix)[1] / 2 / len(matrix)))
 
 
 def pose_information(sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats) -> Floats:
-    """Information (n, 9, p) of a pose: derivatives in standard deviations, per prior standard
-    uncertainty."""
+    """Factors (n, 9, p) of each pose's information: derivatives of the readings in standard
+    deviations, per prior standard uncertainty."""
     data = Data(np.zeros((len(candidates), 9)), candidates, sigma, np.zeros((len(candidates), 2)))
     states = np.concatenate([candidates, data.beam], axis=1)
     data = data._replace(raw=readings(sensor, states))
@@ -223,27 +229,27 @@ def pose_information(sensor: Sensor, choice: Choice, sigma: Floats, candidates: 
     )
     own_uncertainty = own_sigma(data, choice)
     spread = np.where(np.isfinite(own_uncertainty), own_uncertainty / OWN_UNITS, 1e5)
-    wide = model.own * spread
+    wide = model.by_own * spread
     inner = np.eye(9) + wide @ np.swapaxes(wide, 1, 2)
     root = np.linalg.cholesky(inner)
-    told: Floats = np.linalg.solve(root, model.common * choice.sigma)
-    return told
+    factors: Floats = np.linalg.solve(root, model.common * choice.sigma)
+    return factors
 
 
 def travel(points: Floats) -> float:
-    """The length of the way through points (n, d) in their order, each step as long as its largest
-    component: all axes move at once."""
+    """The length of the path through points (n, d) in their order; all axes move at once, so that
+    the length of a step is its largest component."""
     return float(np.abs(np.diff(points, axis=0)).max(axis=1).sum()) if len(points) > 1 else 0.0
 
 
 def nearest_order(points: Floats, start: Floats) -> NDArray[np.int64]:
-    """The order of points (n, d) in which the way from `start` (d,) always goes to the nearest of
-    those left; see `travel`."""
-    order, here, left = list[int](), start, np.arange(len(points))
-    while len(left):
-        nearest = left[np.abs(points[left] - here).max(axis=1).argmin()]
+    """The order of points (n, d) in which a path from `start` (d,) visits the nearest remaining
+    point next; see `travel`."""
+    order, position, remaining = list[int](), start, np.arange(len(points))
+    while len(remaining):
+        nearest = remaining[np.abs(points[remaining] - position).max(axis=1).argmin()]
         order.append(nearest)
-        here, left = points[nearest], left[left != nearest]
+        position, remaining = points[nearest], remaining[remaining != nearest]
     return np.array(order, np.int64)
 
 
@@ -251,12 +257,12 @@ def nearest_order(points: Floats, start: Floats) -> NDArray[np.int64]:
 class Proposal:
     """Poses to calibrate with, in the order of a short path.
 
-    columns: of a table: the poses (mm, mrad), their rank by information, and the uncertainty that
-    is left after that many. reduction: standard uncertainties of the parameters after the
-    calibration over those before, geometric mean; random_reduction: the same with as many random
-    poses. saving: share of the path's length that the order saves. upward: (6,) the share of poses
-    that each axis approaches from below: where both directions are frequent, a calibration finds
-    the backlash of the reference.
+    columns: of a table with the poses (mm, mrad), their rank by information, and the mean reduction
+    of uncertainty by the poses up to this rank.  reduction: ratio of the parameters' standard
+    uncertainties after and before the calibration, geometric mean.  random_reduction: the same with
+    as many random poses.  saving: fraction of the path's length that the order saves.  upward: (6,)
+    fraction of poses that each axis approaches from below; where both directions are frequent, a
+    calibration finds the backlash of the reference.
     """
 
     columns: dict[str, Floats]
@@ -267,8 +273,7 @@ class Proposal:
 
 
 def propose_poses(settings: Config, poses: Floats, count: int) -> Proposal:
-    """Choose those of poses (n, 6), mm and rad, whose readings together determine the parameters
-    best."""
+    """Choose from poses (n, 6), mm and rad, those whose readings determine the parameters best."""
     sensor, calibrate = settings.sensor, settings.calibrate
     unknowns = choice(sensor, calibrate)
     sigma = np.array(calibrate.reference)

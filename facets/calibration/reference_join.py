@@ -1,8 +1,8 @@
 """Join a reference's own table to readings by time, and find the offset of their clocks.
 
-The readings are solved with the nominal sensor. The offset is the one at which the reference's
-motion agrees best with these poses; a cubic spline interpolates the reference, and the rest of the
-offset is an unknown of the fit (`reference.delay`).
+The readings are solved with the nominal sensor. At the offset, the reference's motion agrees best
+with these poses. A cubic spline interpolates the reference, and the remaining offset is an unknown
+of the fit (`reference.delay`).
 """
 
 from __future__ import annotations
@@ -31,20 +31,22 @@ if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
 
 
-#: Offsets are tried up to this share of the common time, and up to `LARGEST_OFFSET_S`.
+#: Largest offset that is tried as a fraction of the common time, and number of trials.
 OFFSET_SHARE, OFFSET_COUNT = 0.25, 401
 #: Largest offset that is tried, s.
 LARGEST_OFFSET_S = 2.0
-#: Of a likeness below this nothing is concluded.
+#: Likeness below which the motion does not determine the offset.
 LEAST_LIKENESS = 0.5
-#: Samples of the fit that finds what is left of the offset.
+#: Number of samples in the fit that finds the remaining offset.
 OFFSET_SAMPLES = 150
 
 
 class JoinedTables(NamedTuple):
-    """Samples with the reference's poses. offset: added to the readings' time to give the
-    reference's, s; 0 if the motion does not determine it. likeness: the share of the reference's
-    motion that the readings explain."""
+    """Samples with the reference's poses.
+
+    offset: the reference's time minus the readings', s; 0 if the motion does not determine it.
+    likeness: the fraction of the reference's motion that the readings explain.
+    """
 
     data: Data
     offset: float
@@ -52,7 +54,8 @@ class JoinedTables(NamedTuple):
 
 
 class Track(NamedTuple):
-    """A reference's poses over time: (m,) s, (m, 6) mm and rad; and a cubic through them."""
+    """A reference's poses over time: (m,) s, (m, 6) mm and rad; and the cubic spline through
+    them."""
 
     time: Floats
     pose: Floats
@@ -60,9 +63,10 @@ class Track(NamedTuple):
 
 
 def read_track(path: Path, settings: Calibrate) -> Track:
-    """The reference's table: time_s, and ref_tx_mm ... or tx_mm ... of each axis that it measures.
+    """Read the reference's table: time_s, and ref_tx_mm ... or tx_mm ... of each axis that it
+    measures.
 
-    Raises `InputError` where a column is missing or the time does not go up.
+    Raises `InputError` where a column is missing or the time does not increase.
     """
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
     optional = (*REFERENCE, *STATE_COLUMNS[:6])
@@ -90,8 +94,8 @@ def join_tables(
     readings: Path, reference: Path, sensor: Sensor, settings: Calibrate
 ) -> JoinedTables:
     """Join the tables of readings and reference; raise `InputError` if they share no time."""
-    beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
-    columns = whole_table(readings, ("time_s", *READING_COLUMNS), (*beside, *RUN))
+    of_beam = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
+    columns = whole_table(readings, ("time_s", *READING_COLUMNS), (*of_beam, *RUN))
     track = read_track(reference, settings)
     time = columns["time_s"]
     check_overlap(readings, time, reference, track)
@@ -110,21 +114,21 @@ def samples_at_offset(
     readings: Path, columns: dict[str, Floats], track: Track, offset: float, settings: Calibrate
 ) -> Data:
     """The samples with the reference's poses and their derivatives at an offset."""
-    whole, velocity, acceleration = add_reference(columns, track, offset)
-    data = gather_samples(readings, whole, settings)
+    joined, velocity, acceleration = add_reference(columns, track, offset)
+    data = gather_samples(readings, joined, settings)
     if settings.dwells:  # at rest
         return data
-    kept = np.isfinite(whole[REFERENCE[0]]) & usable_rows(whole)
-    return data._replace(velocity=velocity[kept], acceleration=acceleration[kept])
+    is_used = np.isfinite(joined[REFERENCE[0]]) & usable_rows(joined)
+    return data._replace(velocity=velocity[is_used], acceleration=acceleration[is_used])
 
 
 def remaining_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
-    """The rest of the offset by a plain fit of some samples, s; 0 if the fit fails."""
+    """The remaining offset by a plain fit of some samples, s; 0 if the fit fails."""
     rows = np.unique(
         np.linspace(0, len(data.raw) - 1, min(len(data.raw), OFFSET_SAMPLES)).astype(np.int64)
     )
-    wanted = choice(sensor, settings).add_unknowns({DELAY: 0.01})
-    result = fit(sensor, data.part(rows), wanted, settings.outliers)
+    unknowns = choice(sensor, settings).add_unknowns({DELAY: 0.01})
+    result = fit(sensor, data.part(rows), unknowns, settings.outliers)
     return float(result.all_values[PLACE[DELAY]]) if result.ended else 0.0
 
 
@@ -174,9 +178,9 @@ def some_poses(sensor: Sensor, columns: dict[str, Floats]) -> tuple[Floats, Floa
 
 
 def likeness(time: Floats, pose: Floats, track: Track, offset: float) -> float:
-    """The share of the reference's motion that the solved poses explain at an offset; 1 is all.
+    """The fraction of the reference's motion that the solved poses explain at an offset.
 
-    It is a linear regression on all six axes, because a sensor that is not calibrated yet mixes
+    It is found by linear regression on all six axes, because a sensor that is not calibrated mixes
     them.
     """
     at = time + offset

@@ -1,14 +1,16 @@
-"""The search for the effects that the data need, in stages, by what each candidate would bring.
+"""The search for the effects that the data need, in stages.
 
-The normal equations at a fit, with a column for every candidate, say at once by how much
-chi-square would fall if a candidate were added. The same sums, made without a fifth of the samples
-at a time, say how well a fit to the rest predicts that fifth (cross-validation). An effect is
-accepted where both speak for it.
+The normal equations at a fit, with columns for every candidate, predict the fall of chi-square
+for each of them. The same sums without a fifth of the samples at a time show how well a fit to the
+rest predicts that fifth (cross-validation). An effect is accepted where both speak for it.
 
-The stages of `search`: add the effects that a key requires; add the best of the others repeatedly,
-first with the noise raised to the size of the plain fit's residuals, then with the true noise;
-explain the scatter from sample to sample; remove outliers that were hidden before; and settle the
-last fit.
+The stages of `search`:
+
+1. Add the effects that a key requires.
+2. Add the best of the others repeatedly, first with the noise raised to the size of the plain
+   fit's residuals, then with the true noise.
+3. Explain the scatter from sample to sample.
+4. Remove outliers that larger residuals had hidden, and settle the last fit.
 """
 
 from __future__ import annotations
@@ -57,17 +59,18 @@ if TYPE_CHECKING:
 
 #: Number of parts of the samples; each part in turn is predicted from the others.
 FOLDS = 5
-#: A candidate is accepted where its fall of chi-square has at most this probability without it,
-#: and where the cross-validated chi-square falls by at least this much.
+#: A candidate is accepted if chance explains its fall of chi-square with at most this probability,
+#: and if the cross-validated chi-square falls by at least this much.
 CHANCE, LEAST_GAIN = 1e-4, 4.0
 
 
 class Decision(NamedTuple):
-    """What became of a candidate.
+    """The decision on a candidate.
 
-    unknowns: their number.  fall: of chi-square, beside what was accepted before.  error: the
-    cross-validated error of a reading in standard deviations, with the candidate.  accepted:
-    whether it is in the fit.  why: the reason in words.
+    key, words: see `Effect`.  unknowns: number of its unknowns.  fall: decrease of chi-square by
+    the candidate, with all that were accepted before.  error: cross-validated error of a reading
+    with the candidate, in standard deviations.  accepted: whether it is in the fit.  why: the
+    reason in words.
     """
 
     key: str
@@ -82,8 +85,8 @@ class Decision(NamedTuple):
 class FoldEquations(NamedTuple):
     """Normal equations of each fifth of the samples, over all names of a choice.
 
-    matrix: (f, p, p), side: (f, p), level: (f,).  prior: (p, p), prior_side: (p,), prior_level:
-    what the prior adds to the sum of the parts.
+    matrix: (f, p, p), side: (f, p), level: (f,).  prior: (p, p), prior_side: (p,), prior_level: the
+    terms that the prior adds to the sum over the parts.
     """
 
     names: tuple[str, ...]
@@ -96,7 +99,7 @@ class FoldEquations(NamedTuple):
 
 
 def fold_equations(sensor: Sensor, data: Data, result: Fit, chosen: Choice) -> FoldEquations:
-    """The equations at the values of a fit, for all names of a wider choice."""
+    """The equations at the values of a fit, for all unknowns of a wider choice."""
     values = values_for(sensor, result)
     at = assign_values(sensor, values)
     data = data._replace(noise=deviations(sensor, data))
@@ -105,10 +108,10 @@ def fold_equations(sensor: Sensor, data: Data, result: Fit, chosen: Choice) -> F
         own_sigma(data, chosen),
     )
     weights, parts = np.sqrt(result.weights), list[Normal]()
-    weights[result.weights < LEAST_WEIGHT] = 0.0  # else the largest jump would decide
+    weights[result.weights < LEAST_WEIGHT] = 0.0  # otherwise the largest outlier would decide
     for n in range(FOLDS):
         rows = slice(n, None, FOLDS)
-        part = Linear(model.residual[rows], model.common[rows], model.own[rows])
+        part = Linear(model.residual[rows], model.common[rows], model.by_own[rows])
         parts.append(eliminate_own_unknowns(part, weights[rows], result.own_values[rows], sigma))
     prior = prior_information(chosen)
     before = (values - values_of(sensor))[chosen.places]
@@ -124,7 +127,7 @@ def fold_equations(sensor: Sensor, data: Data, result: Fit, chosen: Choice) -> F
 
 
 def values_for(sensor: Sensor, result: Fit) -> Floats:
-    """The values of a fit, for a sensor that may have received a coating since."""
+    """The values of a fit for a sensor whose coating was added after that fit."""
     every, nominal = result.all_values.copy(), values_of(sensor)
     for name in ("coating.n", "coating.k", "light.polarization"):
         if name in EFFECTS and name not in result.choice.names:
@@ -133,7 +136,7 @@ def values_for(sensor: Sensor, result: Fit) -> Floats:
 
 
 def start_values(sensor: Sensor, result: Fit, wider: Choice) -> Floats:
-    """The values of a fit, with which one to a wider choice begins."""
+    """The values at which a fit with a wider choice begins, from those of a fit."""
     every = values_for(sensor, result)
     if ROLLOFF_WIDTH in wider.names and not every[PLACE[ROLLOFF_WIDTH]]:
         every[PLACE[ROLLOFF_WIDTH]] = ROLLOFF_WIDTH_START_MM
@@ -141,14 +144,15 @@ def start_values(sensor: Sensor, result: Fit, wider: Choice) -> Floats:
 
 
 class Prediction(NamedTuple):
-    """Chi-square after a linear step, of the samples in the fit and of those left out of it."""
+    """Chi-square after a linear step: of all samples, fitted together, and of all parts, each
+    predicted from the others (cross-validated)."""
 
     fitted: float
-    left_out: float
+    predicted: float
 
 
 def predict(equations: FoldEquations, names: Iterable[str]) -> Prediction:
-    """Predict chi-square with some of the names by the linear model."""
+    """Predict chi-square with these unknowns by the linear model."""
     at = np.array([equations.names.index(name) for name in names])
     square = np.ix_(at, at)
     matrix, side = equations.matrix.sum(axis=0)[square], equations.side.sum(axis=0)[at]
@@ -156,20 +160,19 @@ def predict(equations: FoldEquations, names: Iterable[str]) -> Prediction:
     prior = equations.prior[square]
     after = equations.level.sum() + equations.prior_level
     after -= side @ np.linalg.solve(matrix + prior, side)
-    left_out = 0.0
+    predicted = 0.0
     folds = zip(equations.matrix, equations.side, equations.level, strict=True)
     for fold_matrix, fold_side, level in folds:
-        here, aim = fold_matrix[square], fold_side[at]
-        step = np.linalg.solve(matrix - here + prior, side - aim)
-        left_out += level - 2 * aim @ step + step @ here @ step
-    return Prediction(float(after), float(left_out))
+        held, aim = fold_matrix[square], fold_side[at]
+        step = np.linalg.solve(matrix - held + prior, side - aim)
+        predicted += level - 2 * aim @ step + step @ held @ step
+    return Prediction(float(after), float(predicted))
 
 
 def rank_candidates(
     sensor: Sensor, data: Data, result: Fit, several: list[Candidate]
 ) -> list[Decision]:
-    """Decisions on candidates, the best first: what each would gain beside a fit and the better
-    candidates, and whether it is accepted."""
+    """Decisions on candidates, the best first, each with the better ones in the fit."""
     if not several:
         return []
     wide = result.choice
@@ -184,8 +187,8 @@ def rank_candidates(
         wider = [add_candidate(chosen, candidate) for candidate in remaining]
         after = [predict(equations, choice.names) for choice in wider]
         tried = [
-            decide(candidate, len(choice.names) - len(chosen.names), result, before, there)
-            for candidate, choice, there in zip(remaining, wider, after, strict=True)
+            decide(candidate, len(choice.names) - len(chosen.names), result, before, prediction)
+            for candidate, choice, prediction in zip(remaining, wider, after, strict=True)
         ]
         good = [n for n, row in enumerate(tried) if row.accepted]
         if not good:
@@ -202,20 +205,21 @@ def rank_candidates(
 
 
 def coatings(sensor: Sensor) -> list[Sensor]:
-    """The coated sensors from whose polarisations a fit is begun."""
+    """The coated sensors with which a fit may begin, one for each of `POLARISATIONS`."""
     return list(dict.fromkeys(add_coating(sensor, turn) for turn in POLARISATIONS))
 
 
 def best_coating(
     sensor: Sensor, data: Data, result: Fit, wide: Choice
 ) -> tuple[Sensor, FoldEquations]:
-    """The coated sensor whose polarisation promises the lowest chi-square, and its equations."""
+    """The coated sensor whose polarisation is predicted to have the lowest chi-square, and its
+    equations."""
     tried = [(option, fold_equations(option, data, result, wide)) for option in coatings(sensor)]
     return min(tried, key=lambda option: predict(option[1], wide.names).fitted)
 
 
 def cross_validated_error(chi_square: float, result: Fit) -> float:
-    """The error of a reading that was not fitted, over its noise."""
+    """The error of a reading that was not fitted, in standard deviations."""
     count = float((result.weights == 1).sum())
     if np.isinf(result.choice.power):
         count -= len(result.residuals)
@@ -225,11 +229,13 @@ def cross_validated_error(chi_square: float, result: Fit) -> float:
 def decide(
     candidate: Candidate, count: int, result: Fit, before: Prediction, after: Prediction
 ) -> Decision:
-    """Decide on a candidate.  count: number of its unknowns.  before, after: chi-square without and
-    with it."""
+    """Decide on a candidate.
+
+    count: number of its unknowns.  before, after: chi-square without and with the candidate.
+    """
     fall = before.fitted - after.fitted
-    chance, gain = chance_of(fall, count), before.left_out - after.left_out
-    error = cross_validated_error(after.left_out, result)
+    chance, gain = chance_of(fall, count), before.predicted - after.predicted
+    error = cross_validated_error(after.predicted, result)
     row = Decision(
         candidate.key, candidate.effect.words, count, fall, error, True, "the data call for it"
     )
@@ -248,24 +254,24 @@ def add_cheap_candidates(every: list[Candidate], chosen: Choice) -> Choice:
 
 
 def reachable_chi_square(sensor: Sensor, data: Data, plain: Fit, every: list[Candidate]) -> float:
-    """Chi-square for each reading, or its cross-validated one if that is larger, that all
-    candidates together would leave, as the linear model at the plain fit has it."""
+    """Chi-square per reading with all cheap candidates, fitted or cross-validated, whichever is
+    larger, as the linear model at the plain fit predicts it."""
     wide = add_cheap_candidates(every, plain.choice)
     after = predict(fold_equations(sensor, data, plain, wide), wide.names)
     return max(after) / max(float((plain.weights == 1).sum()), 1.0)
 
 
-#: The plain fit's residuals over the noise, to which larger ones are brought at first: a linear
-#: model's own error would look like an effect.
+#: Ratio of the plain fit's residuals to the noise, to which the noise is raised at first where the
+#: ratio is larger, because errors of the linear model would look like effects.
 RAISED_TO = 3.0
-#: How often at most the laser's steadiness is estimated anew, and the candidates tried again.
+#: Largest number of times that the laser's steadiness is estimated and the candidates are tried.
 ROUNDS = 4
 #: An intermediate fit ends after this many steps, or where another lowers chi-square by less.
 INTERMEDIATE = StoppingRule(steps=12, fall=0.3)
-#: Width over which edges are rolled off, mm, where a fit begins: at zero it has no derivative.
+#: Width of the roll-off at the beginning of a fit, mm: at zero it has no derivative.
 ROLLOFF_WIDTH, ROLLOFF_WIDTH_START_MM = "rolloff.width", 0.03
-#: Candidates are added together down to this share of what the best brings: the linear model is
-#: not accurate enough for the others until what is large has been added.
+#: Candidates are added together if their falls of chi-square are at least this fraction of the
+#: largest: the linear model is not accurate enough for the others until the large ones are added.
 TOGETHER_SHARE = 0.1
 REQUESTED = "asked for"
 
@@ -274,10 +280,10 @@ REQUESTED = "asked for"
 class SearchState:
     """The result of the search so far.
 
-    sensor: from which the last fit began.  data: with the noise of the present stage.  candidates:
-    all of them.  fit: the last fit.  rows: the decision on each candidate by its key.  refused:
-    keys that are not tried again at this stage.  outliers: rows that were removed.  scatter: causes
-    and sizes of the scatter.
+    sensor: the sensor with which the last fit began.  data: samples with the noise of the present
+    stage.  candidates: all candidates.  fit: the last fit.  rows: the decision on each candidate by
+    its key.  refused: keys that are not tried again at this stage.  outliers: rows that were
+    removed.  scatter: causes and sizes of the scatter from sample to sample.
     """
 
     sensor: Sensor
@@ -304,11 +310,11 @@ class SearchState:
 class EffectSearch:
     """The result of the search for effects.
 
-    sensor: from which the last fit began.  plain: the fit without candidates.  fit: the fit with
-    the accepted candidates.  error: the cross-validated error of the plain fit.  rows: the decision
-    on each candidate.  data: the samples that were fitted last.  outliers: rows that were removed.
-    scatter: causes and sizes of the scatter from sample to sample.  accepted: the
-    candidates that were accepted.
+    sensor: the sensor with which the last fit began.  plain: the fit without candidates.  fit: the
+    fit with the accepted candidates.  error: the cross-validated error of the plain fit.  rows: the
+    decision on each candidate.  data: the samples of the last fit.  outliers: rows that were
+    removed.  scatter: causes and sizes of the scatter from sample to sample.  accepted: the
+    accepted candidates.
     """
 
     sensor: Sensor
@@ -339,16 +345,16 @@ def search(
     state = exclude_late_outliers(state)
     settled = state.fit_again()
     plain_equations = fold_equations(sensor, data, plain, plain.choice)
-    left_out = predict(plain_equations, plain.choice.names).left_out
-    return EffectSearch(state.sensor, plain, settled, cross_validated_error(left_out, plain),
+    predicted = predict(plain_equations, plain.choice.names).predicted
+    return EffectSearch(state.sensor, plain, settled, cross_validated_error(predicted, plain),
                   ordered_decisions(state), state.data, state.outliers, state.scatter,
                   [part for part in state.candidates
                    if part.key in state.accepted_keys])  # fmt: skip
 
 
 def ordered_decisions(state: SearchState) -> list[Decision]:
-    """The decisions in the order of the candidates, followed by effects for which the table has no
-    columns."""
+    """The decisions in the order of the candidates, followed by those on effects for which the
+    table has no columns."""
     order = [candidate.key for candidate in state.candidates]
     rows = sorted(state.rows.values(), key=lambda row: order.index(row.key))
     return rows + [
@@ -361,9 +367,9 @@ def ordered_decisions(state: SearchState) -> list[Decision]:
 
 
 def raise_noise(sensor: Sensor, data: Data, plain: Fit) -> Data:
-    """Raise the noise so that the plain fit's residuals are a few times the noise.
+    """Raise the noise so that the plain fit's residuals are at most a few times the noise.
 
-    Detectors may be so fine that real light leaves residuals of a hundred times their noise.
+    With fine detectors, real light leaves residuals of a hundred times their noise.
     """
     size = NORMAL_MEDIAN * float(np.median(np.abs(plain.residuals[np.isfinite(data.raw)])))
     if size < 2 * RAISED_TO:
@@ -374,7 +380,7 @@ def raise_noise(sensor: Sensor, data: Data, plain: Fit) -> Data:
 def first_state(
     sensor: Sensor, data: Data, settings: Calibrate, plain: Fit, outliers: list[int]
 ) -> SearchState:
-    """The state before any decision but those on unknowns of the plain fit."""
+    """The state at the beginning, with the decisions on unknowns of the plain fit alone."""
     every = candidates(sensor, data, settings)
     why = "without it no fit settles"
     rows = {
@@ -401,7 +407,7 @@ def add_requested_effects(state: SearchState) -> SearchState:
 def add_all(state: SearchState) -> SearchState:
     """Add all candidates that the data need.
 
-    The laser's jitter is estimated again after each round, because less of the residuals is then
+    The laser's jitter is estimated again after each round, because effects may explain what was
     attributed to it; if it changes, the data may need other candidates.
     """
     for _ in range(ROUNDS):
@@ -417,9 +423,9 @@ def add_all(state: SearchState) -> SearchState:
 
 
 def add_best(state: SearchState) -> tuple[SearchState, bool]:
-    """Add the best of the remaining candidates, and return whether any was good.
+    """Add the best of the remaining candidates, and return whether any was accepted.
 
-    Expensive candidates are tried one by one, after the others.
+    Candidates that are tried last are tried one by one, after the others.
     """
     done = state.accepted_keys | state.refused
     rest = [
@@ -448,7 +454,7 @@ def add_candidates(
 ) -> SearchState:
     """Fit again with candidates; keep the previous fit if the new one gains nothing.
 
-    An intermediate fit need not settle, because it may do so once others are added.
+    An intermediate fit need not settle, because it may do so once other candidates are added.
     """
     sensor, wider = state.sensor, state.fit.choice
     for candidate in several:
@@ -469,8 +475,10 @@ def add_candidates(
 def record_decisions(
     state: SearchState, rows: list[Decision], fall: float, gains: bool
 ) -> SearchState:
-    """The state after a fit with candidates, with the decisions on them.  gains: whether the fall
-    of chi-square is beyond chance."""
+    """The state with the decisions on candidates after a fit with them.
+
+    gains: whether the fall of chi-square is beyond chance.
+    """
     decided, refused = dict(state.rows), set(state.refused)
     for row in rows:
         if gains or row.why == REQUESTED:
@@ -510,9 +518,9 @@ def explain_scatter(state: SearchState) -> SearchState:
 
 
 def exclude_late_outliers(state: SearchState) -> SearchState:
-    """Remove samples whose jumps were smaller than the model's error before."""
-    gone = state.outliers
+    """Remove outliers that the residuals of the earlier fits had hidden."""
+    excluded = state.outliers
     data, result, more = exclude_outliers(
-        state.sensor, state.data, state.fit, state.settings.outliers, len(gone)
+        state.sensor, state.data, state.fit, state.settings.outliers, len(excluded)
     )
-    return replace(state, data=data, fit=result, outliers=sorted([*gone, *more]))
+    return replace(state, data=data, fit=result, outliers=sorted([*excluded, *more]))

@@ -378,7 +378,7 @@ def detector_sigmas(letter: str, psd: Psd, before: dict[str, float]) -> dict[str
 
 
 def bends(letter: str, size: float) -> dict[str, float]:
-    """A detector's quadratic and cubic corrections, with prior uncertainties of `size` mm at its edge."""
+    """Prior uncertainties of a detector's quadratic and cubic corrections.  size: mm at its edge."""
     return {f"correction_{letter}.{axis}{a}{b}": size for a, b in MONOMIALS[2:] for axis in "yz"}
 
 

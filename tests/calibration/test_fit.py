@@ -109,7 +109,7 @@ def test_derivatives_are_those_of_differences():
         np.testing.assert_allclose(slopes.common[:, :, n], slope, atol=atol, err_msg=name)
     for n in range(OWN_COUNT):
         slope = differences(own_change=1e-3 * OWN_UNITS * (np.arange(OWN_COUNT) == n)) / 1e-3
-        np.testing.assert_allclose(slopes.own[:, :, n], slope, atol=1e-4 * np.abs(slope).max())
+        np.testing.assert_allclose(slopes.by_own[:, :, n], slope, atol=1e-4 * np.abs(slope).max())
 
 
 # ---- steps

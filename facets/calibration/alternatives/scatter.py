@@ -120,7 +120,7 @@ class Likelihood:
         part, roots, _ = task.linearise(at, task.outlier_limit(at))
         weights = roots**2
         good = np.isfinite(task.data.raw) & (weights >= LEAST_WEIGHT)
-        by_own = part.own * good[:, :, None]
+        by_own = part.by_own * good[:, :, None]
         self.common = part.common * good[:, :, None]
         self.residual = (part.residual * good) + (by_own @ (at.own_values / OWN_UNITS)[:, :, None])[
             :, :, 0

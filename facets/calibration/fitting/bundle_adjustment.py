@@ -244,7 +244,7 @@ class Linear(NamedTuple):
 
     residual: Floats
     common: Floats
-    own: Floats
+    by_own: Floats
 
 
 def deviations(sensor: Sensor, data: Data) -> Floats:
@@ -451,7 +451,7 @@ def eliminate_own_unknowns(
     """
     own_values = pad_own_values(own_values)
     prior = own_information(np.pad(sigma, (0, OWN_COUNT - len(sigma))))
-    common, by_own = model.common * weights[:, :, None], model.own * weights[:, :, None]
+    common, by_own = model.common * weights[:, :, None], model.by_own * weights[:, :, None]
     by_own = by_own * (prior < 1e18)
     residual = model.residual * weights
     inner = np.swapaxes(by_own, 1, 2) @ by_own

@@ -439,7 +439,7 @@ def redundancies(model: Linear, weights: Floats, normal: Normal, covariance: Flo
     The sample's own unknowns and the common ones absorb the rest.
     """
     size = covariance.shape[0]
-    common, by_own = model.common * weights[:, :, None], model.own * weights[:, :, None]
+    common, by_own = model.common * weights[:, :, None], model.by_own * weights[:, :, None]
     free = np.diagonal(normal.inner, axis1=1, axis2=2) < 1e17
     by_own = by_own * free[:, None, :]
     absorbed = (by_own @ np.linalg.inv(normal.inner) * by_own).sum(axis=2)
