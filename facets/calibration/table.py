@@ -378,7 +378,7 @@ def detector_sigmas(letter: str, psd: Psd, before: dict[str, float]) -> dict[str
 
 
 def bends(letter: str, size: float) -> dict[str, float]:
-    """Prior uncertainties of a detector's quadratic and cubic corrections.  size: mm at its edge."""
+    """Prior uncertainties (`size`, mm) of a detector's second and third-order terms at its edge."""
     return {f"correction_{letter}.{axis}{a}{b}": size for a, b in MONOMIALS[2:] for axis in "yz"}
 
 
