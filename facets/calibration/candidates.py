@@ -42,10 +42,10 @@ class Effect(Alternative):
     `Unknowns`.  missing: the reason why the effect has no unknowns, such as a column that the table
     lacks; empty if that is not worth a line.  beam: standard deviation of the beam's position from
     sample to sample, mm.  of_light: whether it needs the model of real light.  coated: whether it
-    needs a coating in the sensor.  tried_last: whether it is tried after all others are decided,
-    because a trial is expensive or because it can imitate others.  rivals: name of a group of
-    effects that look alike, of which the first of those that explain most is taken.  before: the
-    key of `calibrate.before` that adds its unknowns to every fit.
+    needs a coating in the sensor.  tried_last: whether a trial is so expensive that all others are
+    decided first.  rivals: name of a group of effects that look alike, of which the first of those
+    that explain most is taken.  before: the key of `calibrate.before` that adds its unknowns to
+    every fit.
     """
 
     unknowns: Unknowns = no_unknowns
@@ -150,7 +150,7 @@ EVERY_EFFECT = (
     *(
         Effect(key, "facets" if key in OF_FACETS else "light", words,
                unknowns=fixed_unknowns(light_unknowns(key)), of_light=True,
-               coated=key == "coating", tried_last=key in ("coating", "stains"))
+               coated=key == "coating", tried_last=key == "coating")
         for key, (_, words) in LIGHT_CANDIDATES.items()
     ),
     Effect("bend", "detectors", "detectors bent in second and third order",
