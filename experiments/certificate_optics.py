@@ -56,10 +56,12 @@ class IntervalDual:
         return self * arb(-1)
 
     def __sub__(self, other: Any) -> IntervalDual:
-        return self + other * arb(-1)
+        difference: IntervalDual = self + other * arb(-1)
+        return difference
 
     def __rsub__(self, other: Any) -> IntervalDual:
-        return -self + other
+        difference: IntervalDual = -self + other
+        return difference
 
     def __rtruediv__(self, other: Any) -> IntervalDual:
         return IntervalDual(other) / self
@@ -124,7 +126,9 @@ class IntervalSensor:
 
 def pose_of_box(box: Any) -> Array:
     """Dual numbers (6,) of the pose, whose derivatives by the pose are the identity."""
-    return np.array([IntervalDual(x, arb(1) * row) for x, row in zip(box, np.eye(6), strict=True)])
+    return np.array([
+        IntervalDual(x, np.array([arb(i == j) for j in range(6)])) for i, x in enumerate(box)
+    ])  # fmt: skip
 
 
 def spots(rig: IntervalSensor, box: Any, light: Any) -> list[IntervalDual]:

@@ -20,7 +20,8 @@ from .certificate_optics import Array, IntervalDual, IntervalSensor, pose_of_box
 from .certificate_schema import Refused, refuse_unless
 
 #: Operations on each element of arrays of intervals.
-UNION, MAGNITUDE = np.frompyfunc(arb.union, 2, 1), np.frompyfunc(arb.abs_upper, 1, 1)
+UNION: Any = np.frompyfunc(arb.union, 2, 1)
+MAGNITUDE: Any = np.frompyfunc(arb.abs_upper, 1, 1)
 
 #: Largest number of parts of the box that are examined as places of a segment's middle.
 MOST = 4000

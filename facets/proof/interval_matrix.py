@@ -16,7 +16,8 @@ from ..scalars.intervals import Interval, ends, interval, magnitude
 Intervals = NDArray[Any]
 
 #: The smallest interval that contains two, and the largest absolute value, for each element.
-UNION, MAGNITUDE = np.frompyfunc(arb.union, 2, 1), np.frompyfunc(magnitude, 1, 1)
+UNION: Any = np.frompyfunc(arb.union, 2, 1)
+MAGNITUDE: Any = np.frompyfunc(magnitude, 1, 1)
 #: A bound of the rounding errors in a sum of a few floats.
 ROUNDED = 1e-12
 

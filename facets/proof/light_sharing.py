@@ -91,7 +91,7 @@ def half_line(q: Intervals, u: Intervals) -> HalfLine:
 
     Both means decrease with a: a larger a weighs light by a factor that falls with distance.
     """
-    a = q @ u
+    a: Interval = q @ u
     beyond, mean, reach = UNION(means_along(a.upper()), means_along(a.lower()))
     light = nonnegative_product((-square(cross_product(q, u)) / 2).exp(), beyond) / ROOT_8_PI
     return HalfLine(u, light, mean, reach)

@@ -56,7 +56,7 @@ def intervals_between(low: Any, high: Any) -> Intervals:
     return np.array([interval(float(a), float(b)) for a, b in zip(low, high, strict=True)])
 
 
-def dark_scene_over(geometry: Geometry, pose: Sequence[Interval]) -> Scene:
+def dark_scene_over(geometry: Geometry, pose: Sequence[Interval] | Intervals) -> Scene:
     """The mirror's places for all poses of a box, without the light."""
     zero = arb(0)
     at = dark_scene(geometry, (*pose, zero, zero))
@@ -97,7 +97,9 @@ def sub_beam(geometry: Geometry, at: Scene, k: int, from_point: Sequence[Interva
     return SubBeam(normal, leaving, lever, start, length)
 
 
-def spot_jacobian(geometry: Geometry, shares: SharingBounds, pose: Sequence[Interval]) -> Intervals:
+def spot_jacobian(
+    geometry: Geometry, shares: SharingBounds, pose: Sequence[Interval] | Intervals
+) -> Intervals:
     """6 x 6 over a box of poses (6,): psi and zeta of A, B, C by apex and angles; mm and rad.
 
     shares: the light's bounds at fixed shares.  Raises `NotFacing`.
