@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import facets
-from facets import config as configuration, files, live, noise_analysis, pictures
+from facets import config as configuration, design, files, live, noise_analysis, pictures
 from facets.core.names import POSE, STATE_COLUMNS
 from facets.core.plain_numbers import count_text
 from facets.core.units import write_micro
@@ -50,8 +51,9 @@ def noise(
 
     Estimates white and flicker noise, mains and other lines, drift and spikes of every reading and
     every pose coordinate, each with its 95 % interval, and compares them with the noise in the
-    configuration. --folder writes the report noise.html and the table noise.csv. --write writes the
-    configuration with the estimated noise, so that stated uncertainties are those of this bench.
+    configuration. --folder writes the report noise.html and the table noise.csv. --write writes a
+    configuration that extends the one of the recording by the estimated noise, so that stated
+    uncertainties are those of this bench.
 
     If the mirror moved or drifted, or if detectors were saturated or dark, the recording does not
     show the noise: the command says why, writes nothing and ends with exit status 1.
@@ -89,13 +91,30 @@ def write_results(
             draw_extra(paths[0], pictures.noise.page, report, title, about)
             files.tables.write_table(paths[1], noise_analysis.noise_report.table_of(report), about)
         if write:
-            block = noise_analysis.noise_report.noise_block(report, settings.resolved)
-            text = files.provenance.configuration(settings, block, about)
-            files.whole.write_text(write, text)
+            files.whole.write_text(write, measured_configuration(report, settings, write, about))
     if paths:
         print(f"{paths[0].parent}/")
     if write:
         print(f"{write}")
+
+
+def measured_configuration(
+    report: NoiseReport, settings: Config, path: Path, about: dict[str, str]
+) -> str:
+    """The YAML of a configuration at `path` with the estimated noise.
+
+    It extends the configuration of the recording, if that is at hand, unchanged; otherwise it has
+    every key.
+    """
+    block = noise_analysis.noise_report.noise_block(report)
+    for source in (settings.path, path.with_name(f"{settings.name}.yaml"), settings.name):
+        with suppress(facets.FacetsError):
+            base = facets.load(source)
+            if base.sha256 == settings.sha256 and base.path != path.resolve():
+                parent = design.results.changes.base_of(base, path.parent)
+                return files.provenance.extension(parent, {"sensor": {"noise": block}}, about)
+    sensor = settings.resolved["sensor"] | {"noise": block}
+    return files.provenance.configuration(settings, sensor, about)
 
 
 def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | None) -> None:

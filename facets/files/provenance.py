@@ -83,7 +83,7 @@ def configuration(
     return _commented_yaml({**config.resolved, name: block}, about)
 
 
-def extension(parent: Path, keys: dict[str, Any], about: dict[str, str]) -> str:
+def extension(parent: Path | str, keys: dict[str, Any], about: dict[str, str]) -> str:
     """Write YAML that extends another configuration by some keys, below its provenance."""
     return _commented_yaml({"extends": str(parent), **keys}, about)
 

@@ -196,16 +196,13 @@ def power_noise(channels: dict[str, Channel], readings: Floats) -> tuple[float, 
     return float(np.sqrt(np.mean(np.maximum(variances, floor)))), float(np.sqrt(common))
 
 
-def noise_block(report: NoiseReport, resolved: dict[str, Any]) -> dict[str, Any]:
-    """The resolved block `sensor` with the measured noise, by the simple model."""
+def noise_block(report: NoiseReport) -> dict[str, Any]:
+    """The block `sensor.noise` with the estimated noise, by the simple model."""
     return {
-        **resolved["sensor"],
-        "noise": {
-            "model": "simple",
-            "position_um": float(f"{1e3 * report.position:.4g}"),
-            "at_power_mw": report.at_power,
-            "power_uw": float(f"{1e3 * report.power:.4g}"),
-        },
+        "model": "simple",
+        "position_um": float(f"{1e3 * report.position:.4g}"),
+        "at_power_mw": report.at_power,
+        "power_uw": float(f"{1e3 * report.power:.4g}"),
     }
 
 

@@ -56,12 +56,13 @@ def test_known_noise_is_found_and_the_configuration_takes_it(record, tmp_path):
     status, out, _ = run("--folder", "noise", "--write", "noise.yaml")
     assert status == 0
     assert "go together" not in out
-    assert f"{COUNT - 3} samples, 8.191 s at 1000 Hz, 3 missing" in out
+    assert f"{COUNT - 3:,} samples, 8.191 s at 1000 Hz, 3 missing" in out
     table = pandas.read_csv(tmp_path / "noise" / "noise.csv", comment="#", index_col="channel")
     assert table.sigma_white["zeta_c_mm"] == pytest.approx(1e3 * CENTROID, rel=0.05)
     assert "mains 50 Hz" in table.lines["zeta_b_mm"]
     assert 0 < table.drift_low["psi_a_mm"] < 1 < table.drift_high["psi_a_mm"]
     assert (tmp_path / "noise" / "noise.html").read_text().count("<svg") == 3
+    assert "extends: bench\n" in (tmp_path / "noise.yaml").read_text()
     sensor = facets.load(tmp_path / "noise.yaml").sensor
     assert facets.standard_deviations(sensor, REST) == pytest.approx(NOISE, rel=0.1)
 
