@@ -9,14 +9,14 @@ from ..optics.forward import PARAMETERS
 from .correction import NAMES
 
 _READINGS = tuple(f"{k}.{kind}" for k in DETECTORS for kind in ("psi", "zeta", "power"))
-#: Errors of the model that the residuals show in each reading, mm and mW: their cause is unknown.
+#: Errors of the model in each reading, mm and mW, of unknown cause, whose size the residuals show.
 MISFIT = tuple(f"misfit_{name}" for name in _READINGS)
-#: How exact the model itself is in each reading, mm and mW: its errors differ from place to place,
-#: but hardly between places that are near each other.
+#: Errors of the model itself in each reading, mm and mW, which vary slowly with the pose, so that
+#: neighbouring poses share them.
 MODEL_ERROR = tuple(f"model_{name}" for name in _READINGS)
 #: Offset of the light's centre from the beam's position, mm, the same in every sample.
 LIGHT_CENTRE = ("light.centre_x", "light.centre_y")
-#: What the temperature adds, mm/K: to the beam's position, and to each place.
+#: Temperature coefficients of the beam's position and of each spot's position, mm/K.
 TEMPERATURE = (
     "temperature.bx",
     "temperature.by",

@@ -1,7 +1,8 @@
-"""Corrections of detectors' readings: unequal gains and non-linear places.
+"""Corrections of detectors' readings: unequal gains and non-linear positions.
 
-The model's readings are those of perfect detectors. `correct` converts raw readings to these; a
-simulation inverts it. Corrections are linear in their coefficients; a measured grid is added.
+The model describes perfect detectors. `correct` converts raw readings to readings of perfect
+detectors; a simulation applies the inverse. A correction is a polynomial, linear in its
+coefficients, plus an optional measured grid.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from ..core.sensor import MONOMIALS, Correction, Grid, Sensor
 from ..core.units import Floats
 from ..model.arrays import half_sizes
 
-#: Names for one detector: the corrections of the power, then the coefficients of psi and of zeta.
+#: Names for one detector: the power's gain and offset, then the coefficients of psi and of zeta.
 NAMES_OF_ONE = ("power", "dark", *(f"{axis}{a}{b}" for axis in "yz" for a, b in MONOMIALS))
 #: Names for all detectors: "correction_a.power", "correction_a.y10", ...
 NAMES = tuple(f"correction_{letter}.{name}" for letter in DETECTORS for name in NAMES_OF_ONE)
@@ -29,7 +30,8 @@ def is_corrected(sensor: Sensor) -> bool:
 
 
 def coefficients(sensor: Sensor) -> Floats:
-    """The coefficients of all corrections (60,) in the order of `NAMES`: fractions, mW and mm."""
+    """Coefficients of all corrections (60,) in the order of `NAMES`; gains are fractions, offsets
+    in mW, terms of the positions in mm."""
     parts = [
         (p.correction.power, p.correction.dark, *p.correction.y, *p.correction.z)
         for p in sensor.psds
@@ -38,7 +40,7 @@ def coefficients(sensor: Sensor) -> Floats:
 
 
 def correction_slopes(sensor: Sensor, raw: Floats) -> Floats:
-    """The derivatives of the corrections of raw readings (n, 9) by each coefficient: (n, 9, 60)."""
+    """Derivatives (n, 9, 60) of the corrections of raw readings (n, 9) by each coefficient."""
     out = np.zeros((len(raw), 9, len(NAMES)))
     count = len(MONOMIALS)
     for k, half in enumerate(half_sizes(sensor)):
@@ -53,7 +55,7 @@ def correction_slopes(sensor: Sensor, raw: Floats) -> Floats:
 
 
 def correct(sensor: Sensor, raw: Floats) -> Floats:
-    """Correct raw readings (n, 9) to those of perfect detectors."""
+    """Convert raw readings (n, 9) to readings of perfect detectors."""
     if not is_corrected(sensor):
         return raw
     with np.errstate(over="ignore", invalid="ignore"):  # A corrupted reading can be any number.
@@ -67,24 +69,24 @@ def correct(sensor: Sensor, raw: Floats) -> Floats:
 
 
 def interpolate_grid(grid: Grid, places: Floats) -> Floats:
-    """Interpolate the corrections of a grid at places (n, 2), mm.
+    """Interpolate a grid's corrections (n, 2) at positions (n, 2), mm.
 
-    Beyond the grid's edge, they are those at the edge. At a place with NaN the correction is
-    finite, and its sum with the place remains NaN.
+    Beyond the grid, the correction at its nearest edge holds. At a position with NaN the correction
+    is finite, so that the sum of both remains NaN.
     """
     from scipy.interpolate import RegularGridInterpolator
 
-    added = np.stack([grid.add_y, grid.add_z], axis=-1)
+    grid_values = np.stack([grid.add_y, grid.add_z], axis=-1)
     nearest = np.clip(np.nan_to_num(places), (grid.y[0], grid.z[0]), (grid.y[-1], grid.z[-1]))
-    corrections: Floats = RegularGridInterpolator((grid.y, grid.z), added)(nearest)
+    corrections: Floats = RegularGridInterpolator((grid.y, grid.z), grid_values)(nearest)
     return corrections
 
 
 def invert_correction(sensor: Sensor, exact: Floats) -> Floats:
-    """The raw readings (n, 9) from which `correct` makes the readings `exact`."""
+    """Raw readings (n, 9) that `correct` converts to the readings `exact`."""
     if not is_corrected(sensor):
         return exact
     raw = exact.copy()
-    for _ in range(30):  # Corrections of some per cent: each step gains two digits.
+    for _ in range(30):  # Corrections are a few per cent: each iteration gains two digits.
         raw -= correct(sensor, raw) - exact
     return raw

@@ -1,7 +1,8 @@
 """Convert counts of a detector board to readings, and back for a virtual board.
 
-A count is a step of the converter behind an electrode's transimpedance amplifier. A board that
-divides by itself sends X, Y and SUM: X / SUM is the place in half sizes, SUM the photocurrent.
+A count is one step of the converter behind an electrode's transimpedance amplifier. Some boards
+combine the electrodes themselves and send X, Y and SUM: X / SUM is the position in half sizes, SUM
+the photocurrent.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from ..model.arrays import half_sizes, mask_missed_spots
 from . import electrodes
 from .noise import add_current_noise, electrode_currents, has_two_layers
 
-#: Flags of a faulty sample: a converter at its end; or the sums along y and z of a duo-lateral PSD,
-#: which measure the same light, differ by more than MISMATCH.
+#: Flags of a faulty sample: a converter is at the end of its range; or the sums along y and z of a
+#: duo-lateral PSD, which measure the same light, differ by more than MISMATCH.
 SATURATED, UNEQUAL = 1, 2
 #: Largest allowed difference of the two sums, as a fraction of the photocurrent.
 MISMATCH = 0.02
@@ -30,9 +31,10 @@ def counts_per_ampere(electronics: Electronics) -> float:
 def readings_to_counts(
     sensor: Sensor, electronics: Electronics, exact: Floats, rng: np.random.Generator | None = None
 ) -> NDArray[np.int32]:
-    """The converters' counts (n, 12) for exact readings (n, 9), with noise if rng is given.
+    """Convert readings without noise (n, 9) to the converters' counts (n, 12).
 
-    A spot past its detector's edge, and a reading with NaN, have no current.
+    A detector without a finite reading, or whose spot is past its edge, has no current.  rng: adds
+    the electronics' noise, if given.
     """
     light = mask_missed_spots(sensor, exact, exact).reshape(-1, 3, 3)
     currents = np.nan_to_num(electrode_currents(electronics, half_sizes(sensor), light))
@@ -44,9 +46,9 @@ def readings_to_counts(
 
 
 def counts_to_xy_sum(electronics: Electronics, counts: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Convert electrode counts (n, 12) to X, Y, SUM and a spare number of each detector (n, 12).
+    """Convert electrode counts (n, 12) to X, Y, SUM and a spare 0 of each detector (n, 12).
 
-    X and Y are scaled so that X / SUM is the place in half sizes.
+    X and Y are scaled so that X / SUM is the position in half sizes.
     """
     out = np.zeros_like(counts)
     for k in range(3):
@@ -68,7 +70,8 @@ def counts_to_readings(
 ) -> tuple[Floats, NDArray[np.uint8]]:
     """Convert counts (n, 12) to readings (n, 9) in mm and mW, with their flags (n,).
 
-    dark_counts: (12,) counts without light. A detector whose converter is at its end reads NaN.
+    xy_sum: whether the counts are X, Y, SUM and a spare number of each detector.  dark_counts:
+    (12,) counts without light. A detector with a converter at the end of its range reads NaN.
     """
     half, kind = half_sizes(sensor), electronics.kind
     top = 2**electronics.adc_bits - 1
@@ -97,7 +100,8 @@ def counts_to_readings(
 
 
 def places_of_quotients(kind: str, ratios: Floats, half: Floats) -> Floats:
-    """Places (n, 3, 2) from the quotients (n, 3, 2) of the kind's formula."""
+    """Positions (n, 3, 2), in half sizes `half` (3, 2), from the quotients (n, 3, 2) of a kind of
+    detector; NaN where no position fits."""
     if kind != "tetra-lateral":
         return ratios
     places = [

@@ -1,7 +1,7 @@
 """Slow noise of a bench: 1/f noise of the amplifiers, air, the beam's pointing, the temperature.
 
-With the amplitudes a of `Drift` these are power laws of the one-sided density: flicker noise,
-a^2 / f, of each reading, and random walks, a^2 / f^2, of the beam's position and the temperature.
+Each has an amplitude a in `Drift`. Its one-sided spectral density is a^2 / f for the flicker noise
+of readings, a^2 / f^2 for the random walks of the beam's position and of the temperature.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .temperature import PLACES
 
 
 def flicker_densities(sensor: Sensor, reading: Floats) -> Floats:
-    """Densities of the 1/f noise of readings (..., 9) at 1 Hz: (..., 9), mm^2/Hz and mW^2/Hz."""
+    """Densities (..., 9) of the 1/f noise of readings (..., 9) at 1 Hz, mm^2/Hz and mW^2/Hz."""
     density = np.zeros(reading.shape)
     electronics, drift = sensor.electronics, sensor.drift
     if electronics is not None:
@@ -26,11 +26,11 @@ def flicker_densities(sensor: Sensor, reading: Floats) -> Floats:
 
 
 def draw_flicker(density: Floats, count: int, step: float, rng: np.random.Generator) -> Floats:
-    """Draw noise (count, m) of densities (m,) / f, from its first value on.
+    """Draw flicker noise (count, m), shifted to begin at 0.
 
-    density: at 1 Hz.  step: between samples, s.
+    density: (m,) its spectral densities at 1 Hz.  step: time between samples, s.
     """
-    size = 2 * count  # the draw repeats itself after that, and lacks what is slower
+    size = 2 * count  # The draw is periodic in this length, and lacks slower noise.
     frequency = np.fft.rfftfreq(size, step)[1:, None]
     parts = rng.standard_normal((2, len(frequency), len(density)))
     scale = np.sqrt(density / frequency * size / (4 * step))
@@ -41,10 +41,11 @@ def draw_flicker(density: Floats, count: int, step: float, rng: np.random.Genera
 
 
 def draw_walk(density: Floats, count: int, step: float, rng: np.random.Generator) -> Floats:
-    """Draw random walks (count, m) of densities (m,) / f^2, from 0 on.
+    """Draw random walks (count, m) that begin at 0.
 
-    After the time t the variance is 2 pi^2 density t, over the whole record. For 1 / f^2, samples
-    have (pi step / sin(pi f step))^2: what is above half their rate is folded below it.
+    density: (m,) their spectral densities at 1 Hz.  step: time between samples, s. After a time t
+    the variance is 2 pi^2 density t. Sampling folds frequencies above half the rate below it, so
+    that the samples' density is (pi step / sin(pi f step))^2 instead of 1 / f^2.
     """
     walks = np.zeros((count, len(density)))
     steps = rng.standard_normal((count - 1, len(density)))
@@ -55,7 +56,7 @@ def draw_walk(density: Floats, count: int, step: float, rng: np.random.Generator
 def draw_beam_and_temperature(
     sensor: Sensor, count: int, step: float, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
-    """Draw the shift of the beam (count, 2), mm, and of the temperature (count,), K."""
+    """Draw shifts of the beam's position (count, 2), mm, and of the temperature (count,), K."""
     drift = sensor.drift
     amplitude = np.array([drift.pointing, drift.pointing, drift.temperature])
     walks = draw_walk(amplitude**2, count, step, rng)
@@ -65,7 +66,10 @@ def draw_beam_and_temperature(
 def draw_readings(
     sensor: Sensor, exact: Floats, warmer: Floats, step: float, rng: np.random.Generator
 ) -> Floats:
-    """Draw the slow noise of readings (n, 9).  warmer: (n,) shift of the temperature, K."""
+    """Draw the slow noise (n, 9) of readings `exact` (n, 9).
+
+    warmer: (n,) shift of the temperature, K.  step: time between samples, s.
+    """
     mean = exact[np.isfinite(exact).all(axis=1)].mean(axis=0)
     drawn = draw_flicker(flicker_densities(sensor, mean), len(exact), step, rng)
     drawn[:, PLACES] += np.outer(warmer, sensor.thermal.places)

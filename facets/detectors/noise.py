@@ -1,16 +1,17 @@
 """Noise of readings: its size by source, and random samples in the electrodes' currents.
 
-Simple form: one position noise at a stated power, growing as 1/power, and one power noise. With
-`Sensor.electronics`, from the electrodes' currents I_k (A), bandwidth B:
+In the simple form, a position's noise is stated at one power and is proportional to 1/power, and a
+power's noise is constant. With `Sensor.electronics`, noise arises in the electrodes' currents I_k
+(A) with the variances, at a bandwidth B,
 
     shot         2 q I_k B, of light, dark current and ambient light
     resistance   4 k T B / R between electrodes
     amplifier    (e_n^2 / R^2 + i_n^2 + 4 k T / R_f) B, R_f its transimpedance
     ADC          (full scale / 2^bits / R_f)^2 / 12
 
-each independent from electrode to electrode, and carried to place and power by the formulas of
-`electrodes`. Laser power noise and pointing jitter are common to the three detectors, so they are
-no noise of a single reading: `simulate` draws them, and the solver takes them as priors.
+independent between electrodes, and is propagated to position and power by the formulas of
+`electrodes`. The laser's power noise and the beam's jitter are common to the three detectors and
+therefore not part of a reading's noise: `simulate` draws them, and the solver uses them as priors.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
 
 
 def split_detectors(exact: Floats) -> Floats:
-    """Readings (..., 9) as (..., 3, 3)."""
+    """Reshape readings (..., 9) to psi, zeta and power of each detector (..., 3, 3)."""
     return exact.reshape(*exact.shape[:-1], 3, 3)
 
 
@@ -97,30 +98,31 @@ def power_floor(sensor: Sensor) -> float:
 
 
 #: A detector with less light than this, in standard deviations of its power, is excluded: the noise
-#: of its spot's position, which is proportional to 1/power, is then not Gaussian.
+#: of its spot's position is then not Gaussian.
 FAINTEST = 10.0
-#: A detector whose spot has less than this fraction of the background light is also excluded: its
-#: reading is that of the background, and several poses fit it.
+#: A detector whose spot has less than this fraction of the background light is also excluded: it
+#: measures the background's position, which several poses fit.
 LEAST_FRACTION = 0.05
 
 
 def least_light(sensor: Sensor, ratio: float = FAINTEST) -> Floats:
-    """The least power (3,), mW, background included, at which a detector is used.
+    """Least power (3,), mW, background included, at which each detector is used.
 
-    ratio: least power of the spot over the standard deviation of a power without light.
+    ratio: least power of the spot over the standard deviation of a power reading without light.
     """
     other = other_light(sensor)
     return other + np.maximum(ratio * power_floor(sensor), LEAST_FRACTION * other)
 
 
 def other_light(sensor: Sensor) -> Floats:
-    """The power of the background light on each detector, mW: (3,)."""
+    """Power of the background light on each detector (3,), mW."""
     return np.array([power for power, _, _ in sensor.light.background])
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # A reading can be any number.
 def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
-    """The variance of each number of readings (..., 9) by source: (..., 9, n), mm^2 and mW^2."""
+    """Noise variances of readings (..., 9), by source: (..., 9, n), mm^2 and mW^2; `sources` has
+    the n names."""
     exact = np.asarray(reading, dtype=float)
     if sensor.electronics is None:
         out = np.zeros((*exact.shape, 2))
@@ -133,18 +135,18 @@ def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
 
 
 def simple_place_variance(noise: Noise, power: Any) -> Any:
-    """The variance of a place at a power (mW), mm^2: a float, or arrays of one shape."""
+    """The variance of a position, mm^2, at a power, mW; floats, or arrays of one shape."""
     return (noise.position * noise.at_power / power) ** 2
 
 
 def simple_power_variance(noise: Noise, power: Any) -> Any:
-    """The variance of a power, mW^2; NaN where the power is NaN."""
+    """The variance of a power reading, mW^2; NaN where the power, mW, is NaN."""
     return noise.power**2 + 0 * power
 
 
 def current_variances(electronics: Electronics, currents: Floats, together: bool = False) -> Floats:
-    """The variances of the electrodes' currents (..., 4), A^2: by source (..., 4, 5), or their sum
-    (..., 4, 1)."""
+    """Noise variances of the electrodes' currents (..., 4), A^2: by source (..., 4, 5), or with
+    `together` their sum (..., 4, 1)."""
     e, band = electronics, electronics.bandwidth
     steady = (e.dark_current + 1e-3 * e.responsivity * e.ambient) / (2 if has_two_layers(e) else 4)
     thermal = 4 * BOLTZMANN * e.temperature * band
@@ -158,8 +160,8 @@ def current_variances(electronics: Electronics, currents: Floats, together: bool
     ]
     shot: Floats = 2 * CHARGE * band * np.abs(currents)
     if together:
-        every: Floats = shot + sum(even)
-        return every[..., None]
+        summed: Floats = shot + sum(even)
+        return summed[..., None]
     out = np.empty((*currents.shape, len(ELECTRIC)))
     out[..., 0] = shot
     out[..., 1:] = even
@@ -171,10 +173,10 @@ def has_two_layers(electronics: Electronics) -> bool:
 
 
 def electrode_currents(electronics: Electronics, half: Floats, exact: Floats) -> Floats:
-    """The electrodes' currents (..., 3, 4), A, due to the light of readings (..., 3, 3).
+    """Electrode currents (..., 3, 4), A, that readings (..., 3, 3) correspond to.
 
     A position past a detector's edge is moved to the edge, so that its noise is defined; callers
-    that simulate readings exclude such spots by `mask_missed_spots`.  half: (3, 2) of `half_sizes`.
+    that simulate readings exclude such spots by `mask_missed_spots`.  half: (3, 2) half sizes, mm.
     """
     place = np.clip(exact[..., :2] / half, -1, 1)
     light = 1e-3 * electronics.responsivity * exact[..., 2]
@@ -192,8 +194,8 @@ def electrode_currents(electronics: Electronics, half: Floats, exact: Floats) ->
 def electric_variances(
     electronics: Electronics, half: Floats, exact: Floats, together: bool = False
 ) -> Floats:
-    """Variances of psi, zeta and power of each detector, (..., 3, 3), mm^2 and mm^2 and mW^2:
-    by source (..., 3, 3, 5), or their sum (..., 3, 3, 1)."""
+    """Noise variances of psi, zeta and power of each detector, mm^2, mm^2 and mW^2, at readings
+    (..., 3, 3): by source (..., 3, 3, 5), or with `together` their sum (..., 3, 3, 1)."""
     currents = electrode_currents(electronics, half, exact)
     var = current_variances(electronics, currents, together)
     return reading_variances(electronics, half, exact, currents, var)
@@ -202,8 +204,8 @@ def electric_variances(
 def reading_variances(
     electronics: Electronics, half: Floats, exact: Floats, currents: Floats, var: Floats
 ) -> Floats:
-    """Propagate variances of currents (..., 3, 4, m) to psi, zeta and power of each detector (...,
-    3, 3, m)."""
+    """Propagate m variances of electrode currents, `var` (..., 3, 4, m), to psi, zeta and power of
+    each detector: (..., 3, 3, m), mm^2, mm^2 and mW^2."""
     kind, out = electronics.kind, np.empty((*exact.shape, var.shape[-1]))
     flow, noise = (electrodes.end_sums(kind, parts) for parts in (currents[..., None], var))
     below, above = flow[..., 0, :], flow[..., 1, :]
@@ -221,13 +223,13 @@ def reading_variances(
 
 
 def step_variances(sensor: Sensor, reading: ArrayLike, ratio: ArrayLike = 1.0) -> Floats:
-    """The variance (..., 9) of a mean of many readings at one state due to the converter's steps,
+    """Variance (..., 9) of a mean of many readings at one state that the converter's steps cause,
     mm^2 and mW^2; 0 without electronics.
 
-    With noise of standard deviation s and steps q, the error of the mean is a function of its
-    position between two steps, whose k-th harmonic is (q / pi k) exp(-2 (pi k s / q)^2).
+    With noise of standard deviation s and steps q, the error of the mean is a function of the mean
+    with the period q. Its k-th harmonic is (q / pi k) exp(-2 (pi k s / q)^2).
 
-    ratio: (...) variance of the actual noise over that of the electronics.
+    ratio: (...) variance of the actual noise over the electronics' variance.
     """
     exact = np.asarray(reading, dtype=float)
     if sensor.electronics is None:
@@ -250,8 +252,8 @@ HARMONICS = 60
 
 
 def two_layer_variances(electronics: Electronics, half: Floats, exact: Floats) -> Floats:
-    """The summed variances (..., 3, 3) of `electric_variances` for duo-lateral detectors, in closed
-    form, because a live loop computes them for each block.
+    """Sums over all sources (..., 3, 3) of `electric_variances` for duo-lateral detectors, in
+    closed form, because a live loop computes them for each block.
 
     Let L be the current, p the position in half sizes h, and s |I| + e the variance of an
     electrode's current I. The variance of the position is
@@ -267,8 +269,8 @@ def two_layer_variances(electronics: Electronics, half: Floats, exact: Floats) -
 
 
 class TwoLayerNoise(NamedTuple):
-    """The noise of a duo-lateral detector.  gain: A/mW.  shot, even: an electrode's variance is
-    shot |I| + even, A and A^2."""
+    """Noise of a duo-lateral detector.  gain: responsivity, A/mW.  shot, even: A and A^2; an
+    electrode with the current I has the variance shot |I| + even."""
 
     gain: float
     shot: float
@@ -281,17 +283,20 @@ def two_layer_noise(electronics: Electronics) -> TwoLayerNoise:
 
 
 def two_layer_place_variance(place: Any, half: Any, light: Any, noise: TwoLayerNoise) -> Any:
-    """Variance of a place of a duo-lateral detector, mm^2.  place: in half sizes `half`, mm.
-    light: the current, A.  Floats, or arrays of one shape."""
+    """Variance of a position on a duo-lateral detector, mm^2; floats, or arrays of one shape.
+
+    place: the position, in half sizes `half`, which are in mm.  light: photocurrent, A.
+    """
     inside = select(place > 1, 1.0, select(place < -1, -1.0, place))
     square = inside**2
-    inverse = abs(light) / (light * light)  # There is no number without light.
+    inverse = abs(light) / (light * light)  # NaN without light
     return half**2 * (
         (noise.shot * inverse) * (1 - square) + (2 * noise.even * inverse * inverse) * (1 + square)
     )
 
 
 def two_layer_power_variance(light: Any, noise: TwoLayerNoise) -> Any:
+    """Variance of the power on a duo-lateral detector, mW^2.  light: photocurrent, A."""
     return (noise.shot * abs(light) / 2 + noise.even) / noise.gain**2
 
 
@@ -313,8 +318,8 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
     -------
     ndarray
         Readings with noise, (..., 9). A detector reads NaN where its spot's centroid lies past its
-        edge (see `reaches`), where its amplifiers saturate, and where its currents fit no place on
-        it.
+        edge (see `reaches`), where its amplifiers saturate, and where its currents fit no position
+        on it.
 
     Raises
     ------
@@ -336,11 +341,11 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
 def sample_readings(
     sensor: Sensor, exact: Floats, rng: np.random.Generator, rounded: bool = True
 ) -> Floats:
-    """Readings (..., 9) with noise, see `add_noise`.
+    """Draw readings with noise (..., 9) for readings without noise `exact` (..., 9).
 
-    rounded: whether the converter rounds to its steps, as a detector does. Otherwise currents are
-    anywhere within a step with equal chance: what may be the case where the phase between steps is
-    not known (JCGM 101, 6.4.2).
+    See `add_noise`.  rounded: whether the converter rounds to its steps. Otherwise the error of
+    rounding is uniformly distributed over a step, which is the state of knowledge where the
+    position between two steps is unknown (JCGM 101, 6.4.2).
     """
     if sensor.electronics is None:
         sigma = standard_deviations(sensor, exact)
@@ -355,29 +360,29 @@ def sample_readings(
 
 
 def largest_current(electronics: Electronics) -> float:
-    """The current of an electrode at the end of its converter's range, A."""
+    """Electrode current, A, at the end of the converter's range."""
     return electronics.adc_range / electronics.transimpedance
 
 
 def step_current(electronics: Electronics) -> float:
-    """The current of an electrode that is one step of its converter, A."""
+    """Electrode current, A, of one step of the converter."""
     return largest_current(electronics) / 2.0**electronics.adc_bits
 
 
 def add_current_noise(
     electronics: Electronics, currents: Floats, rng: np.random.Generator
 ) -> Floats:
-    """Add the noise of all sources but the converter to electrodes' currents (..., 4), A."""
+    """Add the noise of all sources except the converter to electrode currents (..., 4), A."""
     var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
     noisy: Floats = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
     return noisy
 
 
 def fullness(sensor: Sensor, exact: Floats) -> Floats:
-    """The largest current of each detector's electrodes over that at the end of their amplifiers'
-    and converters' range (..., 3), for readings (..., 9) without noise; 0 without electronics.
+    """Largest electrode current of each detector as a fraction of the converters' range (..., 3).
 
-    Above 1 the detector is saturated and has no reading.
+    exact: (..., 9) readings without noise. Above 1 the detector is saturated and has no reading.
+    0 without electronics.
     """
     if sensor.electronics is None:
         return np.zeros((*exact.shape[:-1], 3))
@@ -393,7 +398,8 @@ def sample_detector(
     rng: np.random.Generator,
     rounded: bool = True,
 ) -> Floats:
-    """Psi, zeta and power (..., 3) of a detector of half size (2,) from its sampled currents."""
+    """Draw noise of a detector's currents (..., 4), A, and return its psi, zeta and power (..., 3),
+    mm, mm and mW; NaN where it is saturated.  half: (2,) half sizes, mm."""
     kind = electronics.kind
     drawn = add_current_noise(electronics, currents, rng)
     step = step_current(electronics)

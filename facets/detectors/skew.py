@@ -1,7 +1,7 @@
 """Convert the readings of detectors that are read one after the other to one instant, and back.
 
-A converter's channels may be read some microseconds apart. At 10 mm/s and 0.1 rad/s, 10 us is ten
-times the noise in x and y where the beam is known.
+A converter's channels may be read some microseconds apart. With a known beam, at 10 mm/s and 0.1
+rad/s, a delay of 10 us causes errors in x and y of ten times their noise.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from ..model.arrays import readings
 
 Times = NDArray[np.floating[Any]]
 
-#: A step longer than this many times the step on a row's other side is a pause between recordings:
-#: no derivative is taken across it.
+#: A time step longer than this many times the step on the other side of its row is a pause between
+#: recordings: no derivative is taken across it.
 LONGEST_PAUSE = 10.0
 
 
 def slopes(time: Times, values: Floats) -> Floats:
-    """Derivatives by time (s) of rows of values (n, m): (n, m), per s.
+    """Time derivatives (n, m), per s, of values (n, m) at times (n,), s.
 
-    A slope is the mean of the difference quotients to the rows before and after, or one of them if
-    the other is unknown. It is 0 if both are unknown, because of a value that is not finite, a
-    pause or equal times.
+    A derivative is the mean of the difference quotients with the rows before and after. A quotient
+    across a pause, between equal times or with a value that is not finite is omitted; without
+    both, the derivative is 0.
     """
     ends = np.full((1, *values.shape[1:]), np.nan)
     step = np.concatenate([[np.nan], np.diff(time), [np.nan]])
@@ -44,10 +44,10 @@ def slopes(time: Times, values: Floats) -> Floats:
 
 
 def align(sensor: Sensor, time: Times, readings: Floats) -> Floats:
-    """Convert readings (n, 9) to those at `time` (n,), s; each detector's readings came later by
-    its delay (`sensor.light.delays`).
+    """Extrapolate readings (n, 9) to their nominal times (n,), s, which ascend.
 
-    The readings run in time; a single one is unchanged.
+    Each detector was read later by its delay (`sensor.light.delays`). A single reading, which has
+    no derivative, is unchanged.
     """
     delays = np.repeat(sensor.light.delays, 3)
     if not delays.any():
@@ -57,15 +57,15 @@ def align(sensor: Sensor, time: Times, readings: Floats) -> Floats:
 
 
 def delay_states(time: Times, states: Floats, delay: float) -> Floats:
-    """States (n, 8) of a motion, later by `delay`, s."""
+    """Extrapolate the states (n, 8) of a motion at times (n,), s, by `delay`, s."""
     moved: Floats = states + delay * slopes(time, states)
     return moved
 
 
 def delayed_readings(sensor: Sensor, time: Times, motion: Floats, states: Floats) -> Floats:
-    """Readings (n, 9) at states (n, 8), each detector's later by its delay.
+    """Readings (n, 9) at states (n, 8), where each detector is read later by its delay.
 
-    time: (n,) s.  motion: (n, 8) the states without the noise from sample to sample.
+    time: (n,) s.  motion: (n, 8) states without their noise, from which velocities are computed.
     """
     exact = readings(sensor, states)
     for k, delay in enumerate(sensor.light.delays):
