@@ -69,5 +69,5 @@ def picture(table: Table) -> Figure:
             panel.plot(table["drift_percent"][rows], off, marker=mark, ms=5, color=hue, label=way)
         panel.set(xlabel="drift of the laser's power, %", ylabel="error in x and y, µm")
         panel.set_yscale("symlog", linthresh=0.01)
-        style.legend_below(drawing, *panel.get_legend_handles_labels(), 2)
+        style.panels_legend(drawing, [panel], 2)
     return drawing

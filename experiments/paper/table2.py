@@ -97,6 +97,5 @@ def picture(table: Table) -> Figure:
             panel.grid(visible=False, axis="y")
         panels[0].set_yticks(range(6), [style.component_label(name) for name in POSE])
         panels[0].set_ylim(5.6, -0.6)
-        handles, texts = panels[0].get_legend_handles_labels()
-        style.legend_below(drawing, handles, texts, 2)
+        style.panels_legend(drawing, panels, 2)
     return drawing
