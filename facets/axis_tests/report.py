@@ -16,9 +16,9 @@ from ..core import (
     Knowledge,
     Sensor,
     check_arguments,
+    show_shortly,
     write_micro,
 )
-from ..core.notebook import show_shortly
 from ..estimation import finite_means, make_plan
 from ..files import FrameTable, make_frame
 from .disturbances import Disturbances, find_disturbances

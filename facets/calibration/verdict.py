@@ -178,8 +178,8 @@ class Screened:
     kind: str
     original: Data | None = None
 
-    def without(self, causes: list[Cause]) -> Screened:
-        """The samples without the effects of causes on their readings."""
+    def remove(self, causes: list[Cause]) -> Screened:
+        """Return the samples without the effects of causes on their readings."""
         original = self.original or self.fitted
         return replace(self, fitted=undo_causes(original, causes), original=original)
 
@@ -317,7 +317,7 @@ def undo_large_causes(
             large = find_large_causes(Remainder(sensor, data, result, robust))
         if not large:
             break
-        causes, plain = large, plain_fit(sensor, plain.screened.without(large), chosen, settings)
+        causes, plain = large, plain_fit(sensor, plain.screened.remove(large), chosen, settings)
         if plain.promising or not plain.hopeless:
             break
     return plain, causes
@@ -375,7 +375,7 @@ def explain(
         if [cause.best.key for cause in causes] == before and not needless:
             break
         settings = replace(settings, effects=settings.effects | dict.fromkeys(needless, "off"))
-        plain = plain_fit(sensor, plain.screened.without(causes), chosen, settings)
+        plain = plain_fit(sensor, plain.screened.remove(causes), chosen, settings)
     assert best is not None
     return best
 

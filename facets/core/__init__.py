@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         STATE_COLUMNS as STATE_COLUMNS,
         STATE_UNITS as STATE_UNITS,
     )
+    from .notebook import show_shortly as show_shortly
     from .plain_numbers import short_number as short_number
     from .rigid_body import (
         MIRROR as MIRROR,
@@ -48,6 +49,7 @@ else:
             "names": (
                 "ANGLES FINE_UNITS LABELS POSE READING_COLUMNS STATE STATE_COLUMNS STATE_UNITS"
             ),
+            "notebook": "show_shortly",
             "plain_numbers": "short_number",
             "rigid_body": (
                 "MIRROR MeasuredObject mirror_poses object_displacements object_poses "

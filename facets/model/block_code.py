@@ -125,7 +125,7 @@ def linearise_exactly(
     code: LaneWriter, vectors: Geometry, state: Sequence[Value], count: int
 ) -> list[tuple[Any, list[list[Value]]]]:
     """Readings and their exact derivatives by the first `count` components of the state, arranged
-    as by `bench_gradient.linearise`; a loop writes the derivatives by one component at a time."""
+    as by `gradient.linearise`; a loop writes the derivatives by one component at a time."""
     text = text_of(vectors)
     at = text.scene(vectors, tuple(state))
     values = text.readings(vectors, at)

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ..scalars.dispatch import Number, maximum, select
 from ..scalars.dual import Dual, value_and_slope
 from .bench_light import scene, scene_readings
@@ -149,24 +147,13 @@ def slopes_of_detector(values: Three) -> Three:
     )
 
 
-def linearise(
-    geometry: Geometry, state: tuple[Any, ...]
-) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """Readings and Jacobian at a state, for detectors A, B and C, in the form of
-    `gradient.linearise`; for floats, and other numbers that NumPy's arrays may hold."""
-    at = scene(geometry, state)
-    each = tuple(Dual(number, seed) for number, seed in zip(state, np.eye(len(state)), strict=True))
-    a, b, c = zip(scene_readings(geometry, at), reading_slopes(geometry, each, at), strict=True)
-    return a, b, c
-
-
 def linearise_nearly(
     geometry: Geometry, state: tuple[Any, ...]
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
     """Exact readings, and a Jacobian that neglects changes of the edges' effects.
 
-    It is for the steps of an iteration and for uncertainties, and some ten times faster than
-    `linearise`. It is exact for a curved wavefront, and accurate to some per cent where spots are
+    It is for the steps of an iteration and for uncertainties, and some ten times faster than exact
+    derivatives. It is exact for a curved wavefront, and accurate to some per cent where spots are
     near the edge of a detector.
     """
     at = scene(geometry, state)

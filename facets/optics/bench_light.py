@@ -126,8 +126,3 @@ def scene_readings(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
 def scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
     """The scene at a state with its light, as seen from the light's source."""
     return illuminate(apparent_scene(geometry, dark_scene(geometry, state)))
-
-
-def readings(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, Three]:
-    """Eq. (1) under the light of a bench: (psi, zeta, power) of detectors A, B and C."""
-    return scene_readings(geometry, scene(geometry, state))

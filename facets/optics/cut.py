@@ -152,11 +152,6 @@ def cut_scene(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Scene, Three]
     return at, (passing_light(a), passing_light(b), passing_light(c))
 
 
-def readings(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, Three]:
-    """Eq. (1): (psi, zeta, power) of detectors A, B and C at a state of Eq. (3)."""
-    return scene_readings(geometry, cut_scene(geometry, state))
-
-
 def scene_readings(geometry: Geometry, scene: tuple[Scene, Three]) -> tuple[Three, Three, Three]:
     """The readings in a scene from `cut_scene`, with coated facets and background light if there
     are any.

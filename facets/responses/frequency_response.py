@@ -29,8 +29,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..core import POSE, Booleans, Complexes, Floats, InputError, Integers
-from ..core.notebook import show_shortly
+from ..core import POSE, Booleans, Complexes, Floats, InputError, Integers, show_shortly
 from ..estimation import coverage_factor
 from ..files import make_frame
 from .forms import RECEPTANCE, ResponseForm

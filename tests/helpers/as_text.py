@@ -8,38 +8,43 @@ from typing import Any
 
 import numpy as np
 
-from facets.optics import bench_gradient, bench_light, cut, forward, gradient
+from facets.optics import bench_gradient, exact_text, gradient
 from facets.optics.forward import Geometry
 from facets.scalars.dual import Dual
 from facets.scalars.nesting import leaves
 
-State = tuple[float, ...]
+State = tuple[Any, ...]
 
 
-def readings(geometry: Geometry, state: State) -> list[float]:
+def text_of(geometry: Geometry) -> exact_text.ExactText:
     if geometry.openings.cut:
-        return list(leaves(cut.readings(geometry, state)))
-    text = bench_light if geometry.light.options.on else forward
-    return list(leaves(text.readings(geometry, state)))
+        return exact_text.CUT
+    return exact_text.BENCH if geometry.light.options.on else exact_text.IDEAL
+
+
+def readings(geometry: Geometry, state: State) -> list[Any]:
+    """Return nine readings; geometry and state may hold numbers of any type."""
+    text = text_of(geometry)
+    return list(leaves(text.readings(geometry, text.scene(geometry, state))))
+
+
+def slopes(moved: Geometry, geometry: Geometry, state: State) -> list[Any]:
+    """Return the derivatives of nine readings by what `moved` or `state` carry derivatives by.
+
+    geometry: the same vectors as `moved`, without derivatives.
+    """
+    text = text_of(geometry)
+    at = text.scene(geometry, tuple(number.real for number in state))
+    return [row for rows in text.slopes(moved, state, at) for row in rows]
 
 
 def derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
     """Return the Jacobian at a state; NaN where there is no reading."""
-    if geometry.openings.cut:
-        return rows_of(linearise_cut(geometry, state))
-    text = bench_gradient if geometry.light.options.on else gradient
-    return rows_of(text.linearise(geometry, state))
-
-
-def linearise_cut(geometry: Geometry, state: State) -> Any:
-    """Readings and Jacobian of light that apertures cut, as `gradient.linearise` gives them."""
-    found = cut.cut_scene(geometry, state)
-    each = tuple(Dual(number, seed) for number, seed in zip(state, np.eye(len(state)), strict=True))
-    slopes = [
-        [np.broadcast_to(row, 8) for row in rows]
-        for rows in cut.reading_slopes(geometry, each, found)
-    ]
-    return tuple(zip(cut.scene_readings(geometry, found), slopes, strict=True))
+    if text_of(geometry) is exact_text.IDEAL:
+        return rows_of(gradient.linearise(geometry, state))
+    each = tuple(Dual(number, seed) for number, seed in zip(state, np.eye(8), strict=True))
+    found = zip(readings(geometry, state), slopes(geometry, geometry, each), strict=True)
+    return [np.broadcast_to(row if value == value else nan, 8) for value, row in found]
 
 
 def approximate_derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:

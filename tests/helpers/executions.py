@@ -34,14 +34,7 @@ from facets.model import (
     parameters,
     threads,
 )
-from facets.optics import (
-    OPEN,
-    LightEffects,
-    bench_light,
-    build_geometry,
-    exact_text,
-    forward,
-)
+from facets.optics import OPEN, LightEffects, build_geometry, forward
 from facets.optics.footprint import footprints
 
 APERTURES = facets.Apertures(beam=1.1, detectors=True, tip=0.03, rim=0.4, gap=0.01)
@@ -130,7 +123,8 @@ def floats(task: str, sensor: facets.Sensor, states: Any) -> Any:
 def parameter_slopes(sensor: facets.Sensor, geometry: Any, state: Any) -> Any:
     light = arrays.light_effects(sensor) if sensor.light.on else None
     varied = arrays.varying(parameters(sensor), range(30))
-    return slopes(build_geometry(varied, arrays.openings(sensor), light), geometry, state)
+    moved = build_geometry(varied, arrays.openings(sensor), light)
+    return as_text.slopes(moved, geometry, state)
 
 
 def effect_slopes(sensor: facets.Sensor, geometry: Any, state: Any) -> Any:
@@ -140,15 +134,7 @@ def effect_slopes(sensor: facets.Sensor, geometry: Any, state: Any) -> Any:
     )
     plain = LightEffects(group_by_field(effects(sensor).tolist()), light.options)
     moved, own = (build_geometry(parameters(sensor), OPEN, each) for each in (light, plain))
-    return slopes(moved, own, state)
-
-
-def slopes(moved: Any, geometry: Any, state: Any) -> Any:
-    text = exact_text.BENCH if moved.light.options.on else exact_text.IDEAL
-    if geometry.openings.cut:
-        text = exact_text.CUT
-    found = text.slopes(moved, state, text.scene(geometry, state))
-    return [row for rows in found for row in rows]
+    return as_text.slopes(moved, own, state)
 
 
 FLOATS: dict[str, Callable[..., Any]] = {
@@ -190,11 +176,9 @@ def many_sensors(task: str, sensor: facets.Sensor, states: Any) -> Any:
 
 def precise_readings(sensor: facets.Sensor, given: Any, light: Any, state: Any) -> Any:
     """Nine readings of numbers of any type: 30 parameters, 81 of the light, 8 of a state."""
-    if not sensor.light.on:
-        return np.ravel(forward.readings(build_geometry(tuple(given)), tuple(state)))
     effect = LightEffects(group_by_field(light), options(sensor, profiled=True))
-    vectors = build_geometry(tuple(given), OPEN, effect)
-    return np.ravel(bench_light.readings(vectors, tuple(state)))
+    vectors = build_geometry(tuple(given), OPEN, effect if sensor.light.on else None)
+    return np.array(as_text.readings(vectors, tuple(state)))
 
 
 def forty_digits(task: str, sensor: facets.Sensor, states: Any) -> Any:

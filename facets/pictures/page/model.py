@@ -133,7 +133,7 @@ return {{
 """
 
 
-#: The exact derivatives by the state, as `bench_gradient.linearise`: one column after the other.
+#: The exact derivatives by the state, in the form of `gradient.linearise`; computed by columns.
 EXACTLY = """(geometry, state) => {
   const at = scene(geometry, state);
   const units = state.map((_, n) => state.map((_, c) => (c === n ? 1 : 0)));
