@@ -217,7 +217,7 @@ def step(state: State, reading: WeightedReading, linearise: Linearise) -> State:
     evaluated = select_each(state.must_reevaluate > 0.5, state.best, state.trial)
     normal, cost, has_dark = equations(evaluated, reading, linearise)
     going = ready = state.status < CONVERGED
-    judged, better = judge_trial(state, evaluated, cost, has_dark, reading)
+    judged, better = compare_with_best(state, evaluated, cost, has_dark, reading)
     if reading.form.keeps_equations:
         normal = select_each(better, normal, state.normal)
         judged = judged._replace(normal=normal)
@@ -226,7 +226,7 @@ def step(state: State, reading: WeightedReading, linearise: Linearise) -> State:
     return propose_step(count_step(judged, ready & going, reading), ready, normal, reading)
 
 
-def judge_trial(
+def compare_with_best(
     state: State, evaluated: Any, cost: Any, has_dark: Any, reading: WeightedReading
 ) -> tuple[State, Any]:
     """Compare the evaluated state with the best one, and set the damping of the next step.

@@ -22,7 +22,6 @@ GUARDS = ["-g", "-fsanitize=undefined,address", "-fno-sanitize-recover=all"]
 HELPERS = Path(__file__).parents[1] / "helpers"
 PAPER, BENCH = facets.Sensor(), facets.load("bench").sensor
 SINGULAR = facets.load("singular").sensor
-STEEP = [replace(facet, inclination=1.3) for facet in PAPER.facets[1:]]
 ABOUT = firmware.source.Provenance("test", "0" * 8, "facets export-c test")
 needs_compiler = pytest.mark.skipif(not COMPILERS, reason="no C compiler")
 needs_arm = pytest.mark.skipif(
