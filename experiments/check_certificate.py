@@ -178,11 +178,12 @@ def check_cell(
     refuse_unless(
         depth < DEPTH, f"the bounds of the light do not hold with the apex near {q.tolist()}"
     )
-    for quarter in product(*(halve(side) for side in q)):
+    for quarter in product(*(halve_interval(side) for side in q)):
         check_cell(edges, openings, np.array(quarter), least_share, light, depth + 1)
 
 
-def halve(x: Any) -> list[Any]:
+def halve_interval(x: Any) -> list[Any]:
+    """The halves of an interval, which share its midpoint."""
     low, middle, high = x.lower(), x.mid(), x.upper()
     return [low.union(middle), middle.union(high)]
 

@@ -144,7 +144,8 @@ def tolerances() -> dict[str, Any]:
 
 
 def check_columns(name: str, quick: bool, table: Table, claims: list[PaperClaim]) -> list[Check]:
-    """Compare every column that the tolerances name with its reference."""
+    """Compare every column that the tolerances name with its reference. A missing column or
+    reference gives a check that fails (`off` is NaN)."""
     checks = []
     for kind, columns in tolerances()[name].items():
         actual = table if kind == "table" else claim_table(claims)
@@ -155,6 +156,8 @@ def check_columns(name: str, quick: bool, table: Table, claims: list[PaperClaim]
 
 
 def check_column(column: str, actual: Table, expected: Table, rule: dict[str, Any]) -> Check:
+    """Compare one column with its reference. rule: entry of the tolerances with `rel`, `abs` and
+    `why`."""
     rel, absolute = float(rule.get("rel", 0)), float(rule.get("abs", 0))
     parts = [f"{rel:g} of it"] * bool(rel) + [f"{absolute:g}"] * bool(absolute)
     allowed = " and ".join(parts) or "the same"
@@ -162,7 +165,8 @@ def check_column(column: str, actual: Table, expected: Table, rule: dict[str, An
 
 
 def distance(column: str, actual: Table, expected: Table, rel: float, absolute: float) -> float:
-    """Largest difference over the allowed one; NaN if it has no meaning."""
+    """Largest difference over the allowed one; NaN if a column is missing, or if rows or words
+    differ."""
     if column not in actual or column not in expected:
         return np.nan
     ours, theirs = actual[column], expected[column]

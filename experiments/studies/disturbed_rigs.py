@@ -18,7 +18,6 @@ from .faults import (
     add_currents,
     add_each,
     add_fringes,
-    add_ghost,
     add_mode,
     add_noise,
     add_thermometer,
@@ -34,6 +33,7 @@ from .faults import (
     dust,
     edit,
     error_matrix,
+    ghost_factor,
     hops,
     hum,
     jumps,
@@ -71,7 +71,8 @@ LAMP = np.array([[3.0, 1.0], [-2.0, 4.0], [1.0, -3.0]])
 SHARED = np.array([0, 1.2, 0] * 3)
 PINCUSHION = [1, 1, 0.5] * 3
 ONLY_B = detector_vector(1, [2.0, 2.0, 2.0])
-of_mode, of_ghost, of_fringes = add_mode(0.005), add_ghost(5e-4, 1.5, -1), add_fringes(1e-3, WAVES)
+of_mode, of_ghost = add_mode(0.005), ghost_factor(5e-4, 1.5, -1)
+of_fringes = add_fringes(1e-3, WAVES)
 
 
 def case(group: str, words: str, parts: Parts, *named_by: str, in_time: bool = False) -> Fault:
@@ -140,9 +141,9 @@ CASES: list[Fault] = [
          edit("readings", [4, 5], lambda b: b * (
              1 + np.array([0, 0.005]) * np.cos(2 * np.pi * b[:, :1] / 0.7))),
          "fringes of the window of detector B"),
-    case("light", "ghost of 0.5 %", change_profile(add_ghost(5e-3, 1.5, -1)),
+    case("light", "ghost of 0.5 %", change_profile(ghost_factor(5e-3, 1.5, -1)),
          "a second reflex"),
-    case("light", "ghost of 0.1 %", change_profile(add_ghost(1e-3, 1.5, -1))),
+    case("light", "ghost of 0.1 %", change_profile(ghost_factor(1e-3, 1.5, -1))),
     case("facets", "tip chipped off two facets", change_bench(chip=0.03),
          "tip is chipped"),
     case("light", "a little of many",

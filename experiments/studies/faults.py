@@ -89,10 +89,12 @@ def glitches(fraction: float) -> Waveform:
 
 
 def low_pass(values: Floats, gain: float, keep: float) -> Floats:
+    """Output of a first-order filter along the rows: y[n] = gain x[n] + keep y[n - 1]."""
     return np.asarray(lfilter([gain], [1, -keep], values))
 
 
 def previous(values: Floats) -> Floats:
+    """The values shifted by one row; the first one is repeated."""
     return np.concatenate([values[:1], values[:-1]])
 
 
@@ -148,17 +150,21 @@ def change_profile(factor: Callable[[Floats, Floats], Any]) -> Parts:
 
 
 def add_mode(fraction: float) -> Callable[[Floats, Floats], Floats]:
-    """A fraction of the light is in the first ring mode."""
+    """Function of x and y (standard deviations of the beam) that returns the factor of the
+    irradiance with a fraction of the light in the first ring mode."""
     return lambda x, y: 1 + fraction * ((1 - (x * x + y * y) / 2) ** 2 - 1)
 
 
-def add_ghost(fraction: float, a: float, b: float) -> Callable[[Floats, Floats], Floats]:
-    """A second beam with a fraction of the light, a and b standard deviations from the first."""
+def ghost_factor(fraction: float, a: float, b: float) -> Callable[[Floats, Floats], Floats]:
+    """Function of x and y (standard deviations of the beam) that returns the factor of the
+    irradiance with a second beam, whose fraction of the light and distance (a, b) are stated."""
     return lambda x, y: 1 - fraction + fraction * np.exp(a * x + b * y - (a * a + b * b) / 2)
 
 
 def add_fringes(depth: float, waves: Floats, phase: float = 0.0) -> Any:
-    """Fringes of a relative depth; waves: wave numbers (2,), radians per standard deviation."""
+    """Function of x and y (standard deviations of the beam) that returns the factor of the
+    irradiance with fringes of a relative depth; waves: wave numbers (2,), radians per standard
+    deviation."""
     return lambda x, y: 1 + depth * np.cos(waves[0] * x + waves[1] * y + phase)
 
 
@@ -167,7 +173,7 @@ def dim(loss: float, waveform: Waveform) -> Parts:
 
 
 def error_matrix(matrix: Floats) -> Parts:
-    """A reference that adds a matrix (6, 6) times the pose."""
+    """A reference that adds a matrix (6, 6) times the pose (mm, rad) to it."""
     return {"reference": lambda said, scene, rng: said + scene.pose @ matrix.T}
 
 

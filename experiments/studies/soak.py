@@ -136,7 +136,7 @@ def soak(
 
 
 def count_samples(live: Live) -> dict[str, Any]:
-    """Counts of the run itself."""
+    """Numbers of late, skipped, lost and corrupt samples of the run."""
     pipeline = live.pipeline
     return {
         "late": live.late,

@@ -21,7 +21,6 @@ from .faults import (
     add_currents,
     add_each,
     add_fringes,
-    add_ghost,
     add_mode,
     add_noise,
     add_thermometer,
@@ -39,6 +38,7 @@ from .faults import (
     dust,
     edit,
     error_matrix,
+    ghost_factor,
     glitches,
     hops,
     hum,
@@ -85,32 +85,37 @@ class FaultDraw:
         return self.sizes[-1]
 
     def between(self, low: float, high: float) -> float:
+        """A random number, uniform between the limits."""
         return float(self.rng.uniform(low, high))
 
     def pick(self, values: Sequence[Any]) -> Any:
+        """One of the values, each equally likely."""
         return values[int(self.rng.integers(len(values)))]
 
     def detector(self) -> int:
+        """The index of a random detector, 0 to 2."""
         return int(self.rng.integers(3))
 
-    def signs(self, *shape: int) -> Floats:
+    def uniform_array(self, *shape: int) -> Floats:
+        """Random numbers between -1 and 1, uniform, in an array of this shape."""
         return self.rng.uniform(-1, 1, shape)
 
     def unit(self, count: int) -> Floats:
-        """A random direction."""
+        """A random direction: a vector (count,) of length 1."""
         direction = self.rng.standard_normal(count)
         return np.asarray(direction / np.linalg.norm(direction))
 
     def later(self) -> Any:
+        """The waveform of a step at a random time in the middle of the run."""
         return step(self.between(0.2, 0.8))
 
     def part(self) -> Any:
-        """Consecutive rows."""
+        """The waveform that is 1 in a random block of consecutive rows, 0 elsewhere."""
         first = self.between(0, 0.8)
         return between(first, first + self.size(0.02, 0.5))
 
     def electrode(self) -> Floats:
-        """One of the electrodes (3, 2, 2)."""
+        """Array (3, 2, 2) with 1 at a random electrode of a detector, 0 at the others."""
         return np.asarray(np.eye(12)[self.rng.integers(12)].reshape(3, 2, 2))
 
     def detector_shift(self, low: float, high: float) -> Floats:
@@ -130,7 +135,7 @@ class FaultDraw:
 
     def place_shifts(self, low: float, high: float) -> Floats:
         """A direction (9,) of readings that displaces all spots."""
-        return place_vector(self.size(low, high) * self.signs(6))
+        return place_vector(self.size(low, high) * self.uniform_array(6))
 
 
 class Kind(NamedTuple):
@@ -153,7 +158,7 @@ class Kind(NamedTuple):
 
 
 def cut_beam(draw: FaultDraw) -> Parts:
-    edge, (a, b) = draw.between(2.4, 4.0), 0.3 * draw.signs(2)
+    edge, (a, b) = draw.between(2.4, 4.0), 0.3 * draw.uniform_array(2)
     return change_profile(lambda x, y: 1 / (1 + np.exp((np.hypot(x - a, y - b) - edge) / 0.06)))
 
 
@@ -170,7 +175,7 @@ def window_fringes(draw: FaultDraw) -> Parts:
 
 
 def high_order(draw: FaultDraw) -> Parts:
-    far, (a, b) = draw.size(1e-3, 0.15), draw.signs(2)
+    far, (a, b) = draw.size(1e-3, 0.15), draw.uniform_array(2)
 
     def error(place: Floats) -> Floats:
         y, z = (place / HALF_MM).T
@@ -197,7 +202,7 @@ def microphonics(draw: FaultDraw) -> Parts:
 
 def abbe(draw: FaultDraw) -> Parts:
     """Each axis is measured along its own line, off the pivot."""
-    arms, matrix = draw.size(3e-3, 5) * draw.signs(3, 3), np.zeros((6, 6))
+    arms, matrix = draw.size(3e-3, 5) * draw.uniform_array(3, 3), np.zeros((6, 6))
     matrix[:3, 3:] = [np.cross(np.eye(3), arm)[:, i] for i, arm in enumerate(arms)]
     return error_matrix(matrix)
 
@@ -221,7 +226,7 @@ def slow_thermometer(draw: FaultDraw) -> Parts:
 def lamp(draw: FaultDraw) -> Parts:
     waveforms = [draw.later(), hops(draw.between(1, 30)), lambda scene, rng: scene.progress**2]
     power = draw.size(1e-6, 3e-3) * draw.rng.uniform(0.1, 1, 3)
-    return shine(power, 3 * draw.signs(3, 2), draw.pick(waveforms))
+    return shine(power, 3 * draw.uniform_array(3, 2), draw.pick(waveforms))
 
 
 def swapped_columns(draw: FaultDraw) -> Parts:
@@ -256,7 +261,7 @@ KINDS = (
         d.size(1e-3, 0.03), 2 * np.pi / d.between(0.5, 2.5) * d.unit(2), d.between(0, 6)))),
     Kind("light", "light in the first ring mode", lambda d: change_profile(
         add_mode(d.size(1e-3, 0.05)))),
-    Kind("light", "a window's ghost beside the beam", lambda d: change_profile(add_ghost(
+    Kind("light", "a window's ghost beside the beam", lambda d: change_profile(ghost_factor(
         d.size(3e-5, 0.01), *(d.between(0.5, 2.5) * d.unit(2))))),
     Kind("light", "the laser hops between two modes, mm", lambda d: add(
         "beam", d.beam_shift(2e-5, 3e-3), hops(d.size(5, 100)))),
@@ -268,14 +273,14 @@ KINDS = (
         d.detector(), d.size(0.01, 0.1), d.between(0.4, 1), d.between(0.05, 0.35),
         d.between(0.2, 0.8))),
     Kind("facets", "facets are domed, 1/mm", lambda d: change_bench(
-        domes=1 / d.size(1e3, 3e5) * d.signs(3))),
+        domes=1 / d.size(1e3, 3e5) * d.uniform_array(3))),
     Kind("facets", "a facet is tarnished, per mm", lambda d: tarnish(
         d.detector(), d.size(2e-3, 0.3))),
     Kind("facets", "a piece is broken off the tip, mm", lambda d: change_bench(
         chip=d.size(2e-3, 0.05))),
     Kind("facets", "a facet yields to the mirror's angle", yielding_facet),
     Kind("facets", "a facet scatters light onto another detector", lambda d: scatter_light(
-        d.detector(), d.size(1e-5, 0.01), 3 * d.signs(2))),
+        d.detector(), d.size(1e-5, 0.01), 3 * d.uniform_array(2))),
     Kind("detectors", "a detector's glue creeps as the logarithm of time, mm", lambda d: add(
         "readings", d.detector_shift(1e-4, 0.04) / np.log(51),
         lambda scene, rng: np.log(1 + 50 * scene.progress))),
@@ -287,7 +292,7 @@ KINDS = (
     Kind("detectors", "a detector remembers its last reading", lambda d: remember(
         d.size(1e-5, 0.01), detector_vector(d.detector(), [1, 1, 1]))),
     Kind("electronics", "the amplifiers bend, each its own way, 1/mW", lambda d: bend_currents(
-        lambda i, bend: i * (1 + bend * i), d.size(1e-3, 0.3) * d.signs(3, 2, 2))),
+        lambda i, bend: i * (1 + bend * i), d.size(1e-3, 0.3) * d.uniform_array(3, 2, 2))),
     Kind("electronics", "a converter has a step in its middle, mW", lambda d: bend_currents(
         lambda i, jump: i + jump * (i > 0.032), d.size(1e-7, 3e-4) * d.electrode())),
     Kind("electronics", "the amplifiers saturate, mW", lambda d: bend_currents(
@@ -309,7 +314,7 @@ KINDS = (
         d.size(1e-5, 0.01))),
     Kind("reference", "Abbe offsets, mm", abbe),
     Kind("reference", "scale errors", lambda d: error_matrix(np.diag(
-        d.size(1e-5, 0.01) * d.signs(6) * d.rng.choice([0, 1], 6)))),
+        d.size(1e-5, 0.01) * d.uniform_array(6) * d.rng.choice([0, 1], 6)))),
     Kind("reference", "an axis holds a share of another", lambda d: error_matrix(
         d.size(1e-5, 5e-3) * np.outer(*np.eye(6)[d.pick([0, 3]) + d.rng.permutation(3)[:2]]))),
     Kind("reference", "an axis bows over the travel of another, mm", bow),

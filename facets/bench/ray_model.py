@@ -17,7 +17,7 @@ Angle = Floats | float
 
 
 def rotation(roll: Angle, pitch: Angle, yaw: Angle) -> Floats:
-    """The rotation Rz(yaw) Ry(pitch) Rx(roll), (..., 3, 3)."""
+    """Rotation matrices (..., 3, 3), Rz(yaw) Ry(pitch) Rx(roll), of angles (...) in rad."""
     (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))
     rows = [
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],

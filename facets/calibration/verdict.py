@@ -142,11 +142,11 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     """
     screened = screen(sensor, data, settings)
     if screened.is_refused:
-        return screened.verdict()
+        return screened.refusal()
     sensor = screened.sensor
     plain, fault, large = first_fit(sensor, screened, chosen, settings)
     if astray := unsettled_findings(sensor, plain):
-        return plain.verdict(astray if fault is None else [])
+        return plain.refusal(astray if fault is None else [])
     every = candidates(sensor, plain.data, settings)
     plain = follow_temperature(sensor, plain, every, settings.outliers)
     done, causes = explain(sensor, plain, chosen, settings, large)
@@ -154,7 +154,7 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
         fault = find_fault(sensor, plain.data, chosen)
         causes = causes if fault is None else []  # they belong to samples with the fault
     if fault is not None or not done.fit.ended:
-        return plain.verdict(reasons(plain, fault, causes, done), done)
+        return plain.refusal(reasons(plain, fault, causes, done), done)
     result = validate(sensor, plain, done, causes, settings)
     return result.refuse() if large else result
 
@@ -200,7 +200,9 @@ class Screened:
             findings=[fault.finding, *self.findings],
         )  # fmt: skip
 
-    def verdict(self) -> Verdict:
+    def refusal(self) -> Verdict:
+        """The verdict that the table cannot be used, without a fit, with the findings of its
+        checks."""
         return Verdict(self.fitted, self.held, None, None, None, None, self.findings)
 
 
@@ -250,8 +252,9 @@ class Plain:
     def original(self) -> Data:
         return self.screened.original or self.screened.fitted
 
-    def verdict(self, reasons: list[Finding], done: EffectSearch | None = None) -> Verdict:
-        """The verdict that the calibration is not to be trusted, with its reasons."""
+    def refusal(self, reasons: list[Finding], done: EffectSearch | None = None) -> Verdict:
+        """The verdict that the calibration is not to be trusted, with its reasons. done: a search
+        for effects, whose fit and samples then replace those of the plain fit."""
         every = [*reasons, *self.screened.findings]
         result, data = (self.fit, self.data) if done is None else (done.fit, done.data)
         return Verdict(data, self.screened.held, result, done, None, None, every)

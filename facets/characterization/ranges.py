@@ -66,11 +66,12 @@ def states_of(poses: Floats, rules: Rules) -> Floats:
 def scaled_jacobian(sensor: Sensor, state: Floats) -> Floats:
     """The Jacobian at states (n, 8): columns per um and urad, rows in standard deviations of the
     readings; (n, 9, 8)."""
-    return scale_jacobian(sensor, state, jacobian(sensor, state))
+    return scale_to_noise(sensor, state, jacobian(sensor, state))
 
 
-def scale_jacobian(sensor: Sensor, state: Floats, matrix: Floats) -> Floats:
-    """Derivatives (n, 9, 8) at states (n, 8), scaled as in `scaled_jacobian`."""
+def scale_to_noise(sensor: Sensor, state: Floats, matrix: Floats) -> Floats:
+    """Scale derivatives (n, 9, 8) at states (n, 8) from mm and rad to um and urad (columns), and
+    from the readings' units to their standard deviations (rows)."""
     sigma = standard_deviations(sensor, readings(sensor, state))
     scaled: Floats = matrix * FINE_UNITS / sigma[:, :, None]
     return scaled

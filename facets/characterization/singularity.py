@@ -18,7 +18,7 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
 from ..model.arrays import derivatives, readings
-from .ranges import LEFT_OUT, saturation_clearances, scale_jacobian, scaled_jacobian
+from .ranges import LEFT_OUT, saturation_clearances, scale_to_noise, scaled_jacobian
 from .sobol import Sobol
 from .state_box import AXES, StateBox, apex_offset
 
@@ -57,7 +57,7 @@ def fill_measures(sensor: Sensor, states: Floats, spectra: bool, out: Floats) ->
     rest = matrices[lit]
     out[lit, 0] = np.linalg.det(np.delete(rest, LEFT_OUT, axis=1))
     if spectra:
-        out[lit, 1:] = extremes(scale_jacobian(sensor, states[lit], rest))
+        out[lit, 1:] = extremes(scale_to_noise(sensor, states[lit], rest))
 
 
 #: Above this squared condition number the eigenvalues of J'J have lost half their digits.

@@ -173,8 +173,9 @@ def key_names(path: Path_) -> list[str]:
 TOP_LEVEL = "at the file's top level"
 
 
-def suggestion(path: Path_, allowed: list[str]) -> str:
-    """Suggest the nearest allowed name for an unknown key, or the block to which it belongs."""
+def advice_on_key(path: Path_, allowed: list[str]) -> str:
+    """Suggest the nearest allowed name for an unknown key, or the block to which it belongs; "" if
+    there is neither."""
     wrong = path[-1]
     if near := suggest_name(str(wrong), allowed):
         return near

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..core.plain_numbers import suggest_name
-from .json_schema import describe_values, suggestion
+from .json_schema import advice_on_key, describe_values
 from .nodes import BLOCK, Node
 from .yaml_positions import Marked, Path_, dotted_path
 
@@ -28,7 +28,7 @@ def wrong_name(name: str) -> str:
 
 
 def unknown_key(path: Path_, allowed: Iterable[str]) -> str:
-    return f"unknown key{suggestion(path, list(allowed))} (allowed: {', '.join(allowed)})"
+    return f"unknown key{advice_on_key(path, list(allowed))} (allowed: {', '.join(allowed)})"
 
 
 def missing_key(path: Path_, node: Node) -> str:

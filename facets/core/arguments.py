@@ -346,14 +346,14 @@ def refusal(name: str, hint: Any, value: Any) -> str:
         text = f"{name} is {describe_value(value)}; allowed: "
     text += " or ".join(map(type_in_words, options(hint)))
     for option in options(hint):
-        if is_dataclass(option) and (advice := suggestion(option, value)):
+        if is_dataclass(option) and (advice := advice_on_value(option, value)):
             text += f"; pass {advice}"
     return text
 
 
-def suggestion(kind: Any, value: Any) -> str:
-    """The place in the value that was passed that holds an object of the required kind; "" if there
-    is none."""
+def advice_on_value(kind: Any, value: Any) -> str:
+    """Say what to pass instead of a value: an object of the class, the field of the value that
+    holds one, or what `facets.load` makes of a path; "" if nothing is known."""
     if value is kind:
         return f"an object, as {kind.__name__}() makes it"
     if is_dataclass(value) and not isinstance(value, type):

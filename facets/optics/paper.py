@@ -22,7 +22,8 @@ from .wedge import sides, wedges
 
 
 def printed_reading(facet: LitFacet, ray: Path, sigma: float) -> tuple[float, float, float]:
-    """Eq. (9): centroid (psi, zeta), mm, and power of the irradiance of Eq. (7) and (8)."""
+    """Eq. (9): centroid (psi, zeta), mm, and power, mW, of the irradiance of Eq. (7) and (8).
+    sigma: standard deviation of the round beam, mm."""
     at, axes, centre, leaving = facet.at, facet.axes, facet.centre, ray.leaving
     x, y, z = rotate(axes, leaving)
     units = sigma * sqrt(1 + (y / x) ** 2), sigma * sqrt(1 + (z / x) ** 2)
@@ -49,7 +50,8 @@ def printed_reading(facet: LitFacet, ray: Path, sigma: float) -> tuple[float, fl
 
 
 def paper_readings(geometry: Geometry, states: Floats) -> Floats:
-    """Readings (n, 9) at states (n, 8) by the paper's irradiance; NaN where the exact ones are."""
+    """Readings (n, 9) at states (n, 8) by the paper's irradiance; NaN where the exact ones are.
+    Raises `InputError` for a beam that is not round."""
     sigma, other = (sqrt(dot(axis, axis)) for axis in geometry.spread)
     if not np.isclose(sigma, other, rtol=1e-12):
         raise InputError("the paper's irradiance needs a round beam; make both diameters equal")

@@ -52,7 +52,7 @@ def columns(matrix: Matrix) -> Matrix:
 
 
 def rotation(roll: Number, pitch: Number, yaw: Number) -> Matrix:
-    """Rz(yaw) Ry(pitch) Rx(roll), by its rows."""
+    """The rotation matrix Rz(yaw) Ry(pitch) Rx(roll) of angles in rad, by its rows."""
     turn_together(roll, pitch, yaw)
     cr, sr = cos(roll), sin(roll)
     cp, sp = cos(pitch), sin(pitch)

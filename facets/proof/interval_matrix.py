@@ -29,11 +29,13 @@ def hull_of_arrays(arrays: Sequence[Intervals]) -> Intervals:
 
 
 def middles(matrix: Intervals) -> Floats:
+    """The midpoints of a matrix of intervals, as floats of the same shape."""
     return np.array([[float(x.mid()) for x in row] for row in matrix])
 
 
 def determinant(matrix: Intervals) -> Interval:
-    """The determinant of an interval matrix, preconditioned with its midpoint's inverse."""
+    """The determinant of an interval matrix, preconditioned with its midpoint's inverse; unbounded
+    if the midpoint is singular."""
     middle = middles(matrix)
     if not np.isfinite(middle).all() or np.linalg.matrix_rank(middle) < len(middle):
         return interval(-np.inf, np.inf)
@@ -42,7 +44,8 @@ def determinant(matrix: Intervals) -> Interval:
 
 
 def distance_from_zero(x: Interval) -> float:
-    """The least absolute value in an interval, rounded down; 0 where it holds zero."""
+    """The least absolute value in an interval, rounded down; 0 if the interval contains zero or is
+    not bounded."""
     low, high = ends(x)
     if not np.isfinite(low) or not np.isfinite(high):
         return 0.0

@@ -72,6 +72,7 @@ class FacetLight(NamedTuple):
 
 
 def cross_product(u: Intervals, v: Intervals) -> Interval:
+    """The cross product of two vectors (2,) of the plane."""
     return u[0] * v[1] - u[1] * v[0]
 
 
@@ -210,29 +211,32 @@ def hull_of_bounds(pieces: list[SharingBounds]) -> SharingBounds:
 
 
 def edge_angle(geometry: Geometry, edge: Vector) -> Interval:
-    """The angle of an edge, seen along the beam, from its middle: never near half a turn."""
+    """The angle of an edge, seen along the beam, from its middle, rad: never near half a turn."""
     x, y = project_to_sigmas(geometry, edge)
     c, s = x.mid(), y.mid()
     return arb.atan2(s, c) + arb.atan2(c * y - s * x, c * x + s * y)
 
 
 def direction_at(angle: Interval) -> Intervals:
+    """The unit vector (2,) at an angle, rad."""
     return np.array([angle.cos(), angle.sin()])
 
 
-def halve(side: Interval) -> list[Interval]:
+def halve_interval(side: Interval) -> list[Interval]:
+    """The halves of an interval, which share its midpoint."""
     low, high = ends(side)
     middle = (low + high) / 2
     return [interval(low, middle), interval(middle, high)]
 
 
 def quarters(q: Intervals) -> list[Intervals]:
-    """The four quarters of a box of offsets."""
-    return [np.array(part) for part in product(*map(halve, q))]
+    """The four quarters, each (2,), of a box (2,) of offsets in sigmas."""
+    return [np.array(part) for part in product(*map(halve_interval, q))]
 
 
 def opening(first: Interval, second: Interval) -> Interval:
-    """The angle from the first edge to the second, counter-clockwise."""
+    """The angle from the first edge to the second, rad, counter-clockwise, between 0 and one
+    turn."""
     turns = ((second - first) / (2 * arb.pi())).mid().floor()
     return second - first - 2 * arb.pi() * turns
 

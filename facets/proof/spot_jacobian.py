@@ -53,6 +53,7 @@ def interval_geometry(sensor: Sensor, tolerances: Sequence[float] | None = None)
 
 
 def intervals_between(low: Any, high: Any) -> Intervals:
+    """Intervals from `low` to `high`, element by element."""
     return np.array([interval(float(a), float(b)) for a, b in zip(low, high, strict=True)])
 
 
@@ -153,7 +154,9 @@ def centred_jacobian(
     angles = [Dual(pose[3 + j], unit_slope(j)) for j in range(3)]
     spot_jacobian(geometry, shares, pose)  # is every facet in it facing?
     carried = spot_jacobian(geometry, shares, [*place[:3], *angles])
-    by_angles = np.array([[[slope_along(x, j) for x in row] for row in carried] for j in range(3)])
+    by_angles = np.array(
+        [[[slope_by_angle(x, j) for x in row] for row in carried] for j in range(3)]
+    )
     by_apex = np.full((3, 6, 6), arb(0))
     by_apex[:, :, 3:] = by_angles[:, :, :3].T
     return Centred(place, pose - place, middle, np.concatenate([by_apex, by_angles]))
@@ -164,7 +167,9 @@ def unit_slope(axis: int) -> NDArray[Any]:
     return np.array([arb(int(i == axis)) for i in range(3)], dtype=object)
 
 
-def slope_along(x: Any, axis: int) -> Interval:
+def slope_by_angle(x: Any, axis: int) -> Interval:
+    """The derivative of a number by roll, pitch or yaw (axis 0, 1, 2), per rad; 0 if it is not a
+    `Dual`."""
     return x.imag[axis] if isinstance(x, Dual) else arb(0)
 
 

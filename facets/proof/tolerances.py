@@ -40,7 +40,7 @@ def calibration_tolerances(settings: Config, factor: float) -> Tolerances:
         spread = np.sqrt(np.diag(np.array(calibration.covariance)))
         sigmas = dict(zip(calibration.names, spread.tolist(), strict=True))
         source = "the sensor's calibration"
-    values = tuple(round_up(factor * sigmas.get(name, 0.0)) for name in PARAMETERS)
+    values = tuple(next_float_or_zero(factor * sigmas.get(name, 0.0)) for name in PARAMETERS)
     exact = tuple(name for name, value in zip(PARAMETERS, values, strict=True) if value == 0)
     of_sensor = [
         name for name in sigmas if name.startswith(("beam.", "facet_", "psd_", "correction_"))
@@ -65,5 +65,6 @@ def prior_uncertainties(settings: Config) -> dict[str, float]:
 DIAMETERS = ("diameter_x", "diameter_y")
 
 
-def round_up(value: float) -> float:
+def next_float_or_zero(value: float) -> float:
+    """The next larger float of a positive value; 0 for any other value, also for NaN."""
     return float(np.nextafter(value, np.inf)) if value > 0 else 0.0

@@ -198,8 +198,13 @@ def conclude(
     jacobians: list[Centred],
     slope: float,
 ) -> None:
-    """Conclude uniqueness from the Jacobians over the pieces: by their hull, if that is regular,
-    else by midpoints."""
+    """Write the conclusion from the Jacobians over the pieces into the certificate.
+
+    Sets margin, inverse, weights, at_least, unique and regular, by the hull of the Jacobians, and
+    `middles` if the proof by midpoints has a larger margin. If neither proves uniqueness, `unique`
+    is False.
+    slope: lower bound of the powers' part of the determinant, see `slope_of_powers`.
+    """
     hull = hull_of_arrays([jacobian.enclosure() for jacobian in jacobians])
     certificate.margin, certificate.inverse, certificate.weights = regularity(hull)
     bound = determinant_bound(hull, slope, certificate.margin)

@@ -141,6 +141,8 @@ class StatementWriter(Tracer):
         self.put_line("}")
 
     def _table(self, table: Sequence[Sequence[float]]) -> str:
+        """Emit a table of numbers, once for each table object, and return the name of its array in
+        the code."""
         names = [key for key in self.functions if isinstance(key, tuple)]
         key, words = ("table", id(table)), self.language
         name = f"TABLE_{names.index(key) if key in names else len(names)}"

@@ -37,13 +37,14 @@ class Driver(Protocol):
     """Two axes, x and y, that carry the beam, and the beam's places, mm: six methods.
 
     One thread calls `prepare`, `place`, `move` and `stop`; another may call `emergency_stop` at the
-    same time, and any thread `close`. A fault is raised as `StageError` or any other exception:
-    then the envelope stops the stage. The envelope keeps soft limits, steps and freshness.
+    same time, and any thread `close`. Every method except `close` raises `StageError` or any other
+    exception for a fault, such as a stage that does not answer or refuses a command: then the
+    envelope stops the stage. The envelope keeps soft limits, steps and freshness.
     """
 
     def prepare(self) -> None:
         """Stop the stage, and bound every move by `max_speed`, `acceleration` and `native_limits`
-        of the settings. Raise an exception if the stage has no reference."""
+        of the settings. Raise `StageError` if the stage has no reference."""
         ...
 
     def place(self) -> Floats:
@@ -56,7 +57,7 @@ class Driver(Protocol):
         ...
 
     def stop(self, patience: float = 5.0) -> None:
-        """Stop both axes, and return when the stage confirms it; raise an exception if the stage
+        """Stop both axes, and return when the stage confirms it; raise `StageError` if the stage
         does not answer within `patience`, s."""
         ...
 
@@ -81,7 +82,8 @@ def open_driver(port: Any, settings: Settings, clock: Callable[[], float]) -> Dr
 
 
 def driver_of(name: str) -> EntryPoint:
-    """The entry point of `facets.stages` that drives the stage with a port of this name."""
+    """The entry point of `facets.stages` that drives the stage with a port of this name. Raises
+    `StageError` if there is none."""
     scheme, colon, _ = name.partition(":")
     drivers: list[EntryPoint] = []
     if colon:

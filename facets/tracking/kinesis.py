@@ -49,7 +49,8 @@ def open_kinesis(name: str, settings: Settings) -> Kinesis:
 
 
 class Kinesis(NativeLimits):
-    """Driver of two axes, each a motor of pylablib and its channel; places of the beam in mm, (2,).
+    """Driver of two axes, each a motor of pylablib and its channel; places (2,) of the beam in mm.
+    A fault is raised as `StageError` or as an error of pylablib.
 
     A motor's question and answer must not be interrupted: `turn` lets one thread at a time ask.
     """
@@ -60,7 +61,8 @@ class Kinesis(NativeLimits):
         self.turn = threading.RLock()
 
     def prepare(self) -> None:
-        """Stop the stage, and bound speed and acceleration of each axis."""
+        """Stop the stage, and bound speed and acceleration of each axis. Raises `StageError` for an
+        axis without a reference, or whose speed cannot be limited."""
         self.stop()
         s = self.settings
         with self.turn:
@@ -75,7 +77,8 @@ class Kinesis(NativeLimits):
             self.hold_back(s.max_speed / s.step, s.acceleration / s.step)
 
     def read_limits(self) -> Floats:
-        """The largest speed and acceleration of each axis (2, 2), steps/s and steps/s2."""
+        """The largest speeds and accelerations (2, 2) in steps/s and steps/s2: row 0 is the speed,
+        one column for each axis."""
         with self.turn:
             parameters = [
                 motor.get_velocity_parameters(channel=channel) for motor, channel in self.axes
@@ -84,27 +87,27 @@ class Kinesis(NativeLimits):
         return limits.T / self.settings.step
 
     def write_limits(self, limits: Floats) -> None:
-        """Set the largest speed and acceleration of each axis."""
+        """Set the largest speeds and accelerations; limits: (2, 2), see `read_limits`."""
         values = (limits.T * self.settings.step).tolist()
         with self.turn:
             for (motor, channel), (speed, change) in zip(self.axes, values, strict=True):
                 motor.setup_velocity(acceleration=change, max_velocity=speed, channel=channel)
 
     def place(self) -> Floats:
-        """The beam's place by the encoders."""
+        """The beam's place by the encoders: (2,) mm."""
         with self.turn:
             place = [motor.get_position(channel=channel) for motor, channel in self.axes]
         there: Floats = self.zero + np.array(place, dtype=float)
         return there
 
     def move(self, place: Floats) -> None:
-        """Start towards a place, and return before the stage arrives."""
+        """Start towards a place (2,), mm, and return before the stage arrives."""
         with self.turn:
             for (motor, channel), goal in zip(self.axes, place - self.zero, strict=True):
                 motor.move_to(float(goal), channel=channel)
 
     def stop(self, patience: float = PATIENCE_S) -> None:
-        """Stop both axes, and wait until they are at rest."""
+        """Stop both axes, and wait until they are at rest, at most `patience`, s."""
         with self.turn:
             for motor, channel in self.axes:
                 motor.stop(immediate=True, sync=False, channel=channel)

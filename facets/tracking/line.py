@@ -45,7 +45,8 @@ class Line:
                 self.writing.release()
 
     def read_line(self, patience: float = PATIENCE_S) -> str:
-        """The next line without its end; raises an error if the stage is dead or sends no lines."""
+        """The next line without its end; raises `StageError` if none comes within `patience`, s, or
+        the stage sends no lines."""
         deadline = self.clock() + patience
         while b"\n" not in self.rest:
             if self.clock() > deadline:

@@ -20,8 +20,11 @@ MAX_READINGS = 1000
 
 
 class NativeLimits:
-    """The part that drivers of controllers with limits of their own share.
+    """Limits of speed and acceleration, which drivers of controllers with such limits share.
 
+    Every method raises `StageError` if the stage does not answer, answers with an error or cannot
+    be understood. Limits (2, 2) or (3, 2) are in the controller's own units: row 0 is the speed,
+    the other rows are accelerations; the columns are the axes x and y.
     original: the limits before the first of ours; NaN for one that the controller does not have.
     """
 
@@ -29,19 +32,19 @@ class NativeLimits:
     original: Floats | None = None
 
     def place(self) -> Floats:
-        """The beam's place by the encoders."""
+        """The beam's place by the encoders: (2,) mm."""
         raise NotImplementedError
 
     def read_limits(self) -> Floats:
-        """The controller's limits (n, 2), of each axis: the speed, then accelerations."""
+        """Read the controller's limits; see the class for their shape and units."""
         raise NotImplementedError
 
     def write_limits(self, limits: Floats) -> None:
-        """Set the controller's limits (n, 2)."""
+        """Set the controller's limits, of the shape that `read_limits` returns."""
         raise NotImplementedError
 
     def hold_back(self, speed: float | Floats, acceleration: float | Floats) -> None:
-        """Write these limits, in the controller's units, or the limits of `stage.native_limits`
+        """Write these limits, numbers or one for each axis, or the limits of `stage.native_limits`
         where they are lower. Raises `StageError` if the controller keeps others."""
         before = self.read_limits()
         most = np.empty_like(before)
@@ -60,7 +63,8 @@ class NativeLimits:
             )
 
     def restore_limits(self) -> None:
-        """Write the limits that the controller had before, once the stage is at rest."""
+        """Write the limits that the controller had before, once the stage is at rest; write nothing
+        if it does not come to rest within MAX_READINGS readings."""
         if self.original is None:
             return
         before = self.place()

@@ -21,7 +21,8 @@ LIMITS = ("VEL", "ACC", "DEC")
 
 
 class Pi(NativeLimits):
-    """Driver of axes 1 (x) and 2 (y); places of the beam in mm, (2,)."""
+    """Driver of axes 1 (x) and 2 (y); places (2,) of the beam in mm. Methods that send a command
+    raise `StageError` if the stage does not answer or refuses it."""
 
     def __init__(self, line: Line, settings: Settings) -> None:
         self.line, self.settings = line, settings
@@ -30,6 +31,7 @@ class Pi(NativeLimits):
         self.emergency_stops = self.forgiven = 0
 
     def read_answers(self, patience: float = PATIENCE_S) -> list[str]:
+        """Read the lines of one answer; raises `StageError` if it has no end."""
         lines: list[str] = []
         while len(lines) < 10:
             lines.append(self.line.read_line(patience))
@@ -38,7 +40,8 @@ class Pi(NativeLimits):
         raise StageError(f"the stage's answer has no end: {lines}")
 
     def execute(self, command: str, *allowed: str, patience: float = PATIENCE_S) -> str:
-        """Send a command, and require the error code 0 or one of `allowed`."""
+        """Send a command and return its error code; raises `StageError` if that is neither 0 nor
+        one of `allowed`."""
         self.line.write(f"{command}\nERR?\n".encode())
         lines = self.read_answers(patience)
         code = lines[-1].strip()
@@ -59,7 +62,8 @@ class Pi(NativeLimits):
         self.hold_back(s.max_speed, s.acceleration)
 
     def read_limits(self) -> Floats:
-        """Speed, acceleration and deceleration of each axis (3, 2)."""
+        """Speeds, accelerations and decelerations (3, 2) in mm/s and mm/s2, one column for each
+        axis; NaN where the controller does not have the limit."""
         return np.array([self.read_limit(name) for name in LIMITS])
 
     def read_limit(self, name: str) -> Floats:
@@ -75,12 +79,12 @@ class Pi(NativeLimits):
         return np.full(2, np.nan)
 
     def write_limits(self, limits: Floats) -> None:
-        """Set the limits that the controller has."""
+        """Set the limits (3, 2) that the controller has."""
         for name, (x, y) in zip(LIMITS, limits, strict=True):
             self.execute(f"{name} 1 {x:.6f} 2 {y:.6f}", UNKNOWN_COMMAND)
 
     def parse_numbers(self, lines: list[str]) -> Floats:
-        """The numbers of both axes in an answer."""
+        """The numbers (2,) of both axes in an answer; raises `StageError` if they are not there."""
         try:
             by_axis = dict(line.strip().split("=") for line in lines)
             numbers = np.array([float(by_axis["1"]), float(by_axis["2"])])
@@ -91,18 +95,18 @@ class Pi(NativeLimits):
         return numbers
 
     def place(self) -> Floats:
-        """The beam's place by the encoders."""
+        """The beam's place by the encoders: (2,) mm."""
         self.line.write(b"POS? 1 2\n")
         there: Floats = self.zero + self.parse_numbers(self.read_answers())
         return there
 
     def move(self, place: Floats) -> None:
-        """Start towards a place, and return before the stage arrives."""
+        """Start towards a place (2,), mm, and return before the stage arrives."""
         x, y = place - self.zero
         self.execute(f"MOV 1 {x:.6f} 2 {y:.6f}")
 
     def stop(self, patience: float = PATIENCE_S) -> None:
-        """Stop both axes, and wait until the stage confirms it."""
+        """Stop both axes, and wait until the stage confirms it, at most `patience`, s."""
         self.execute("STP", STOPPED, patience=patience)
 
     def emergency_stop(self) -> None:

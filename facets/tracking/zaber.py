@@ -32,7 +32,8 @@ def checksum(message: str) -> str:
 
 
 class Zaber(NativeLimits):
-    """Driver of axes 1 (x) and 2 (y) of device 1; places of the beam in mm, (2,)."""
+    """Driver of axes 1 (x) and 2 (y) of device 1; places (2,) of the beam in mm. Methods that send
+    a command raise `StageError` if the stage does not answer, refuses it or has a fault."""
 
     def __init__(self, line: Line, settings: Settings) -> None:
         self.line, self.settings = line, settings
@@ -63,7 +64,7 @@ class Zaber(NativeLimits):
         raise StageError(f"the stage sends data, but does not answer {command!r}")
 
     def data_of(self, words: list[str], command: str) -> list[str]:
-        """The data of an answer; raises an error for a refusal."""
+        """The data of an answer; raises `StageError` for a refusal or a fault."""
         if words[3] != "OK":
             raise StageError(f"the stage refused {command!r}: {' '.join(words[6:])}")
         if words[5].startswith("F"):
@@ -75,10 +76,11 @@ class Zaber(NativeLimits):
         return words[6:]
 
     def ask(self, command: str, patience: float = PATIENCE_S) -> list[str]:
+        """Send a command and return the data of its answer. patience: longest wait, s."""
         return self.receive(self.send(command), command, patience)
 
     def query_numbers(self, command: str) -> Floats:
-        """Query one number for each of the two axes."""
+        """Query one number for each of the two axes: (2,), in the device's units."""
         data = self.ask(command)
         try:
             values = np.array([float(word) for word in data])
@@ -100,22 +102,23 @@ class Zaber(NativeLimits):
         self.hold_back(*np.minimum(original, [[max(1, speed)], [max(1, acceleration)]]))
 
     def read_limits(self) -> Floats:
-        """The largest speed and acceleration of each axis (2, 2), native."""
+        """The largest speeds and accelerations (2, 2) in the device's units: row 0 is the speed,
+        row 1 the acceleration, one column for each axis."""
         return np.array([self.query_numbers(f"get {name}") for name in LIMITS])
 
     def write_limits(self, limits: Floats) -> None:
-        """Set the largest speed and acceleration of each axis."""
+        """Set the largest speeds and accelerations; limits: (2, 2), see `read_limits`."""
         for name, values in zip(LIMITS, limits, strict=True):
             for axis, value in enumerate(values, start=1):
                 command = f"set {name} {int(value)}"
                 self.receive(self.send(command, axis), command)
 
     def place(self) -> Floats:
-        """The beam's place by the encoders."""
+        """The beam's place by the encoders: (2,) mm."""
         return self.zero + self.settings.step * self.query_numbers("get pos")
 
     def move(self, place: Floats) -> None:
-        """Start towards a place, and return before the stage arrives."""
+        """Start towards a place (2,), mm, and return before the stage arrives."""
         units = np.round((place - self.zero) / self.settings.step).astype(int).tolist()
         sent = []
         for axis, unit in enumerate(units, start=1):
@@ -125,7 +128,7 @@ class Zaber(NativeLimits):
             self.receive(number, command)
 
     def stop(self, patience: float = PATIENCE_S) -> None:
-        """Stop both axes, and wait until the stage confirms it."""
+        """Stop both axes, and wait until the stage confirms it, at most `patience`, s."""
         self.ask("stop", patience)
 
     def emergency_stop(self) -> None:

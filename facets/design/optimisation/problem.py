@@ -191,7 +191,8 @@ class LayoutProblem:
         return self.low + (self.high - self.low) * unknowns[: len(self.names)]
 
     def bounds(self) -> tuple[Floats, Floats]:
-        """The least and the largest value of each unknown."""
+        """The least and the largest value of each unknown, two arrays (unknowns,): 0 and 1 for
+        variables, 0 and infinity for extras."""
         low, high = np.zeros(self.count), np.ones(self.count)
         high[len(self.names) :] = np.inf
         return low, high

@@ -217,7 +217,9 @@ def parameter_section(verdict: Verdict, budget: Budget, made: Sensor) -> ReportS
 
 
 def pose_section(budget: Budget, parts: dict[str, Floats]) -> ReportSection:
-    """State the expanded uncertainty of poses by the calibration, at rest and over its samples."""
+    """State the expanded uncertainty of poses by the calibration, um and urad, at rest and over its
+    samples. parts: variances (n, 6) of the pose by source, mm^2 and rad^2; the first row is that at
+    rest."""
     standard = np.sqrt(np.asarray(sum(parts.values())))
     freedom = budget.effective_freedom(parts)
     units = np.array([unit_of(axis).fine_factor for axis in POSE])
