@@ -1,8 +1,9 @@
 """Allan deviation of a signal with gaps, with confidence intervals.
 
-The overlapping estimate for averages over tau (IEEE 1139) is half the mean square of the difference
-of neighbouring averages. Its equivalent degrees of freedom are the approximations of NIST SP 1065,
-table 5, for white, flicker and random-walk noise, chosen by the slope of the deviations.
+The overlapping estimate of the variance for averages over tau (IEEE 1139) is half the mean square
+of the differences of neighbouring averages. Its equivalent degrees of freedom follow the
+approximations of NIST SP 1065, table 5, for white, flicker or random-walk noise, whichever fits the
+slope of the deviations.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ import numpy as np
 
 from ..core.units import Floats
 
-#: Number of averaging times for each factor of ten.
+#: Number of averaging times per decade.
 TIMES_PER_DECADE = 6
 
-#: Largest relative error of a recording's clock for which a time still counts as a computed one.
+#: Largest relative error of a recording's clock: a time this close outside the computed averaging
+#: times still has a deviation.
 CLOCK_TOLERANCE = 1e-3
 
 
@@ -31,7 +33,7 @@ class Allan:
     high: Floats
 
     def interpolate(self, tau: float) -> float:
-        """The deviation at an averaging time, s, between the computed ones; NaN outside them."""
+        """Interpolate the deviation at an averaging time, s; NaN outside the computed times."""
         factor = 1 + CLOCK_TOLERANCE
         if not self.tau[0] / factor <= tau <= self.tau[-1] * factor:
             return math.nan
@@ -41,13 +43,16 @@ class Allan:
 def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
     """Compute the Allan deviations of a signal.
 
-    signal: (n,) evenly spaced; NaN in gaps, which no average spans.  rate: Hz.  level: confidence.
+    signal: (n,) evenly spaced; NaN in gaps, which no average spans.  rate: of sampling, Hz.  level:
+    probability that a confidence interval holds, above 0 and below 1.
     """
     from scipy.special import gammaincinv
 
-    there = np.isfinite(signal)
-    total = np.concatenate([[0.0], np.cumsum(np.where(there, signal - np.nanmean(signal), 0.0))])
-    count = np.concatenate([[0], np.cumsum(there)])
+    is_finite = np.isfinite(signal)
+    total = np.concatenate(
+        [[0.0], np.cumsum(np.where(is_finite, signal - np.nanmean(signal), 0.0))]
+    )
+    count = np.concatenate([[0], np.cumsum(is_finite)])
     decades = np.log10(max(1.0, len(signal) / 4))
     lengths = np.unique(np.logspace(0, decades, int(TIMES_PER_DECADE * decades) + 1).astype(int))
     rows = []
@@ -58,11 +63,11 @@ def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
         if len(steps) < 2:
             continue
         rows.append((m, float(np.sqrt(np.mean(steps**2) / 2)), len(steps)))
-    m, deviation, used = np.array(rows).T
+    m, deviation, difference_counts = np.array(rows).T
     slope = np.gradient(np.log(np.maximum(deviation, 1e-300)), np.log(m)) if len(m) > 1 else [-0.5]
     freedom = np.array([
-        degrees_of_freedom(used_ + 2 * int(m_), int(m_), float(s))
-        for m_, used_, s in zip(m, used, slope, strict=True)
+        degrees_of_freedom(differences + 2 * int(m_), int(m_), float(s))
+        for m_, differences, s in zip(m, difference_counts, slope, strict=True)
     ])  # fmt: skip
     low = deviation * np.sqrt(freedom / (2 * gammaincinv(freedom / 2, (1 + level) / 2)))
     high = deviation * np.sqrt(freedom / (2 * gammaincinv(freedom / 2, (1 - level) / 2)))
@@ -70,10 +75,10 @@ def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
 
 
 def degrees_of_freedom(points: float, m: int, slope: float) -> float:
-    """Degrees of freedom of the overlapping estimate over m samples.
+    """Degrees of freedom of the overlapping estimate for averages over m samples.
 
-    points: number of points of the summed signal.  slope: slope of the deviation's logarithm: -1/2
-    for white noise, 0 for flicker, 1/2 for a random walk.
+    points: number of points of the summed signal.  slope: of the deviation over the averaging time,
+    both as logarithms: -1/2 for white noise, 0 for flicker noise, 1/2 for a random walk.
     """
     n = float(points)
     if slope < -0.25:

@@ -21,23 +21,24 @@ from .rest import Columns, RecordingSection, find_faults
 if TYPE_CHECKING:
     from ..core.settings import Config
 
-#: Columns of the report, and the factor and the unit in which each is shown.
+#: Columns of the report, each with the factor to the unit in which it is shown, and this unit.
 CHANNELS = {
     **{name: (1e3, "um" if name.endswith("mm") else "uW") for name in READING_COLUMNS},
     **{name: (1e3, "um" if name.endswith("mm") else "urad") for name in STATE_COLUMNS[:6]},
 }
-#: Largest number of samples, from the beginning: seven minutes at 10 kHz.
+#: Largest number of samples that are used, from the beginning: seven minutes at 10 kHz.
 MAX_SAMPLES = 1 << 22
-#: Least correlation of two noises that is reported, and its least ratio to the standard deviation
-#: of correlations by chance.
-LEAST_SHARED, SHARED_SIGMAS = 0.1, 5.0
-#: A jump of the time by more than this number of samples ends a section.
+#: Two noises are reported as correlated above this correlation, and above this many standard
+#: deviations of the correlation of independent noise.
+MIN_CORRELATION, CORRELATION_SIGMAS = 0.1, 5.0
+#: A jump of the time by more than this many samples ends a section.
 JUMP_SAMPLES = 100
 
 
 @dataclass(frozen=True)
 class Channel:
-    """The noise of one column.  configured: the configuration's standard deviation of a sample."""
+    """The noise of one column.  unit: of all its numbers.  signal: (n,) evenly spaced samples.
+    configured: standard deviation of a sample by the configuration."""
 
     name: str
     unit: str
@@ -51,11 +52,12 @@ class Channel:
 class NoiseReport:
     """The noise of a recording.
 
-    rate: Hz.  seconds: length of the section.  correlation: (9, 9) of the readings' fast noise.
+    rate: of sampling, Hz.  seconds: length of the section.  samples, missing: numbers of samples
+    recorded and lost in it.  correlation: (9, 9) of the readings' fast noise.
 
-    faults: reasons against a mirror at rest with steady light, in sentences; any of them makes the
-    numbers invalid as noise.  position, power: noise for the configuration, mm at `at_power` and
-    mW.  common: relative noise that the three powers have in common: the laser's.
+    faults: sentences with evidence against a mirror at rest in steady light; with any of them the
+    numbers do not represent noise.  position, at_power, power: noise of the simple model, mm at a
+    power in mW, and mW.  common: standard deviation of the laser's power, as a fraction.
     """
 
     rate: float
@@ -73,9 +75,9 @@ class NoiseReport:
     @property
     def noise_pairs(self) -> list[tuple[str, str, float]]:
         """Pairs of positions on different detectors whose noises are correlated beyond chance, with
-        the correlation, the largest first. Powers are omitted: they have the laser's noise in
-        common."""
-        limit = max(LEAST_SHARED, SHARED_SIGMAS / np.sqrt(self.samples))
+        the correlation, the largest first. Powers are omitted, because the laser's noise correlates
+        them."""
+        limit = max(MIN_CORRELATION, CORRELATION_SIGMAS / np.sqrt(self.samples))
         places = [n for n, name in enumerate(READING_COLUMNS) if not name.startswith("power")]
         pairs = [
             (READING_COLUMNS[i], READING_COLUMNS[j], float(self.correlation[i, j]))
@@ -94,7 +96,7 @@ def report_of(
     name: str,
     on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> NoiseReport:
-    """Report the noise of a recording's columns, in the form of `live.pose_table`.
+    """Estimate the noise of a recording from the columns of `live.pose_table`.
 
     name: name of the recording, for messages.  on_progress: called with the number of finished
     channels and their total. Raises `InputError` if the recording has too few samples.
@@ -124,16 +126,16 @@ def report_of(
 
 
 def longest_section(columns: Columns, name: str) -> RecordingSection:
-    """The samples between two jumps of the time, where most are; at most MAX_SAMPLES.
+    """Find the longest section without a jump of the time; at most its first MAX_SAMPLES samples.
 
-    Raises `InputError` if they are too few.  name: for its message.
+    name: name of the recording, for messages. Raises `InputError` if it has too few samples.
     """
     if not columns or len(columns["seq"]) < MIN_SAMPLES:
         raise InputError(f"{name}: holds less than {MIN_SAMPLES} samples, too few for their noise")
     times = row_times(columns)
-    passed, counted = np.diff(times), np.diff(columns["seq"])
-    usual = float(np.median(passed / counted))
-    ends = np.flatnonzero(passed > usual * (counted + JUMP_SAMPLES)) + 1
+    durations, steps = np.diff(times), np.diff(columns["seq"])
+    usual = float(np.median(durations / steps))
+    ends = np.flatnonzero(durations > usual * (steps + JUMP_SAMPLES)) + 1
     starts = np.concatenate([[0], ends])
     stops = np.concatenate([ends, [len(columns["seq"])]])
     n = int(np.argmax(stops - starts))
@@ -149,14 +151,15 @@ def longest_section(columns: Columns, name: str) -> RecordingSection:
 def configured_deviation(
     name: str, columns: Columns, rows: slice, readings: Floats, config: Config
 ) -> float:
-    """The configuration's standard deviation of one sample, in the column's unit."""
+    """Standard deviation of one sample by the configuration, in the column's unit; NaN if no row
+    has numbers for it.  readings: (n, 9) of the rows, mm and mW."""
     if name in READING_COLUMNS:
         is_complete = np.isfinite(readings).all(axis=1)
         if not is_complete.any():
             return float("nan")
-        every = standard_deviations(config.sensor, readings[is_complete].mean(axis=0))
-        return float(every[READING_COLUMNS.index(name)])
-    total = columns[f"u_{name}"]  # at rest the calibration's part does not scatter
+        deviations = standard_deviations(config.sensor, readings[is_complete].mean(axis=0))
+        return float(deviations[READING_COLUMNS.index(name)])
+    total = columns[f"u_{name}"]  # At rest, the calibration's part does not scatter.
     stated = columns.get(f"u_noise_{name}", total)[rows]
     return float(np.nanmean(stated)) if np.isfinite(stated).any() else float("nan")
 
@@ -170,7 +173,7 @@ def correlation(readings: Floats) -> Floats:
 def position_noise(
     channels: dict[str, Channel], readings: Floats, config: Config
 ) -> tuple[float, float]:
-    """The simple model's noise of a centroid, mm, and the power at which it holds, mW."""
+    """Noise of a position by the simple model, mm, and the power at which it holds, mW."""
     at_power = config.sensor.noise.at_power
     parts = [
         1e-3 * channels[name].model.standard_deviation
@@ -181,7 +184,7 @@ def position_noise(
 
 
 def power_noise(channels: dict[str, Channel], readings: Floats) -> tuple[float, float]:
-    """Noise of one power alone, mW, and the noise common to the three powers, as a fraction."""
+    """Noise of a single power, mW, and noise common to the three powers, as a fraction of them."""
     powers = readings[:, 2::3]
     powers = powers[np.isfinite(powers).all(axis=1)]
     mean = powers.mean(axis=0)
@@ -214,7 +217,8 @@ HEADINGS = (
 
 
 def table_of(report: NoiseReport) -> dict[str, list[Any]]:
-    """Columns of the CSV, a row for each channel; amplitude densities with 95 % intervals."""
+    """Columns of the noise table, with a row per channel, in its unit; amplitude densities and the
+    drift have 95 % intervals."""
     rows = []
     for channel in report.channels:
         model = channel.model

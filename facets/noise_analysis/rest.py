@@ -1,8 +1,7 @@
 """Check that a recording shows a mirror at rest with steady light, so that its scatter is noise.
 
-Electronics alone give white and flicker noise, independent between detectors, mains pick-up, and a
-slow drift. Every reading is tested against that, by the recording itself and not by the configured
-noise:
+Electronics alone cause white and flicker noise, independent between detectors, mains pick-up, and a
+slow drift. Tests compare every reading with that, and use no configured noise:
 
 light      no saturated converter, no dark detector, a steady total power.
 steps      readings finer than the converter's steps, which otherwise hide the noise.
@@ -13,9 +12,9 @@ fast       prediction of one detector from the other two at every time scale. No
            predicted; a motion of the mirror or of the beam can, nearly completely.
 bursts     a constant variance.
 
-A finding must be beyond chance, and large enough to change the result of the recording, the
-standard deviation of one sample. The reference is the median scatter within short segments, about
-their own lines, which slow motions affect least.
+A deviation is reported if it exceeds chance and changes the recording's result, the standard
+deviation of one sample. The reference is the median scatter within short segments, about their own
+straight lines, which slow motions affect least.
 """
 
 from __future__ import annotations
@@ -44,29 +43,30 @@ Columns = dict[str, NDArray[Any]]
 #: The common conclusion of all findings, and the remedy.
 NOT_NOISE = "the noise of the bench cannot be estimated from this recording"
 REMEDY = "Record the mirror at rest, in steady light, with counts that are finer than the noise."
-#: Largest fraction of saturated or dark samples. A normal distribution without its upper thousandth
-#: has a standard deviation that is too small by 0.5 %.
-LOST_SHARE = 1e-3
-#: Largest relative change of the total power: the noise of a place is inversely proportional to the
-#: power, and is known to a twentieth.
+#: Largest fraction of saturated or dark samples: the loss of a normal distribution's upper
+#: thousandth reduces the standard deviation by 0.5 %.
+LOST_FRACTION = 1e-3
+#: Largest relative change of the total power: the noise of a position is inversely proportional to
+#: the power, so that it changes by a twentieth at most.
 POWER_CHANGE = 0.05
 #: Largest fraction of equal successive readings: at a half, the noise is half a step of the
-#: converter, and the result would be the converter's step.
-EQUAL_SHARE = 0.5
-#: Largest drift over the recording, relative to the scatter within segments. The result does not
-#: contain the drift; but if a fifth of the largest drift were uneven, this part would be as large
-#: as the noise.
+#: converter, and the scatter would only measure this step.
+EQUAL_FRACTION = 0.5
+#: Largest drift over the recording, relative to the scatter within segments. The result excludes a
+#: linear drift; but if a fifth of this drift were not linear, it would be as large as the noise.
 DRIFT_LIMIT = 5.0
-#: Largest additional variance over the noise's: 0.2 increases the standard deviation by a tenth.
+#: Largest additional variance over the noise's variance: 0.2 increases the standard deviation by a
+#: tenth.
 ADDED_VARIANCE = 0.2
 #: The same limit as an Allan deviation: a sinusoid of amplitude A adds A^2 / 2, and its largest
 #: Allan deviation is 0.73 A.
 ADDED_DEVIATION = 0.73 * (2 * ADDED_VARIANCE) ** 0.5
-#: The same limit for lines at multiples of the mains' frequency, which electronics pick up.
+#: The same limit for lines at multiples of the mains' frequency; larger, since electronics pick
+#: them up.
 MAINS_VARIANCE = 1.0
 #: Probability of one false alarm in one test; a recording has some hundreds of tests.
 CHANCE = 1e-6
-#: The same probability as standard deviations of a normal distribution.
+#: Number of standard deviations that a normal distribution exceeds with this probability.
 TAIL_SIGMAS = 5.0
 #: Confidence level of Allan deviations in the test; a recording has some tens of them.
 ALLAN_LEVEL = 0.999
@@ -77,10 +77,11 @@ SEGMENTS, MIN_SEGMENT_SAMPLES = 64, 16
 BURST_SEGMENT_FACTOR, BURST_VARIANCE_RATIO = 4, 4.0
 #: Least number of differences for predicting one detector from the others.
 MIN_DIFFERENCES = 100
-#: A motion explains a slow change if at most this fraction of the change's squares remains.
-UNEXPLAINED_SHARE = 0.1
-#: One detector has a slow change alone if at most this fraction of its squares is on the others.
-ELSEWHERE_SHARE = 0.05
+#: A motion explains a slow change if at most this fraction of its sum of squares remains.
+UNEXPLAINED_FRACTION = 0.1
+#: A slow change belongs to one detector if at most this fraction of the sum of squares lies on the
+#: others.
+ELSEWHERE_FRACTION = 0.05
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class RecordingSection:
     rate: float
 
     def resample(self, column: NDArray[Any]) -> Floats:
-        """A column at evenly spaced times, NaN where a sample is missing."""
+        """The section of a column at evenly spaced times (m,), NaN where a sample is missing."""
         signal = np.full(int(self.seq[-1] - self.seq[0]) + 1, np.nan)
         signal[self.seq - self.seq[0]] = column[self.rows]
         return signal
@@ -102,9 +103,9 @@ class RecordingSection:
 def find_faults(
     columns: Columns, piece: RecordingSection, models: Sequence[NoiseModel], config: Config
 ) -> list[str]:
-    """Find evidence against a mirror at rest with steady light, in sentences; empty if none.
+    """Describe evidence against a mirror at rest in steady light, in sentences.
 
-    piece: the section of the recording.  models: noise of the nine readings.
+    piece: the section of the recording.  models: noise of the nine readings, um and uW.
     """
     steady = Steady(columns, piece, models, config)
     wandering = steady.wandering_channels()
@@ -121,7 +122,7 @@ def find_faults(
 
 
 def reading_faults(columns: Columns, config: Config) -> list[str]:
-    """Find readings that hide the noise, in sentences: saturated, dark, or too coarse."""
+    """Describe readings that hide the noise, in sentences: saturated, dark, or too coarse."""
     least_power = least_light(config.sensor)
     full = columns["flags"] & SATURATED > 0
     sentences = []
@@ -135,16 +136,16 @@ def reading_faults(columns: Columns, config: Config) -> list[str]:
         }
         lost = [
             f"Detector {letter.upper()} is {words} in {percent(fraction)} of the samples (allowed: "
-            f"{percent(LOST_SHARE)})."
+            f"{percent(LOST_FRACTION)})."
             for words, fraction in fractions.items()
-            if fraction > LOST_SHARE
+            if fraction > LOST_FRACTION
         ]
         equal = (np.diff(values, axis=1) == 0).mean(axis=1)
-        if not lost and equal.max() > EQUAL_SHARE:
+        if not lost and equal.max() > EQUAL_FRACTION:
             sentences.append(
                 f"On detector {letter.upper()}, {percent(float(equal.max()))} of the successive "
                 f"values of {names[int(np.argmax(equal))]} are equal: its noise is smaller than "
-                "the converter's step and cannot be told."
+                "the converter's step and cannot be estimated."
             )
         sentences += lost
     return sentences
@@ -153,9 +154,9 @@ def reading_faults(columns: Columns, config: Config) -> list[str]:
 class Steady:
     """Tests of a recording's readings, evenly spaced, without spikes and mains.
 
-    Nine channels: places psi and zeta of each detector, um, and its part of the light, in
-    thousandths. The laser's power, which all three have in common, cancels in these parts.  noise:
-    (9,), the median scatter within segments.
+    The nine channels are, of each detector, the positions psi and zeta, um, and its power over the
+    total power, in thousandths, in which changes of the laser's power cancel.  rest: (n, 9)
+    channels without slope and mains.  noise: (9,) their median scatter within segments.
     """
 
     def __init__(
@@ -166,10 +167,12 @@ class Steady:
         config: Config,
     ) -> None:
         self.config, self.rate = config, piece.rate
-        every = np.stack([fill(piece.resample(columns[name])) for name in READING_COLUMNS], axis=1)
-        self.mean = every.mean(axis=0)
-        self.total = every[:, 2::3].sum(axis=1)
-        scaled = 1e3 * every
+        samples = np.stack(
+            [fill(piece.resample(columns[name])) for name in READING_COLUMNS], axis=1
+        )
+        self.mean = samples.mean(axis=0)
+        self.total = samples[:, 2::3].sum(axis=1)
+        scaled = 1e3 * samples
         scaled[:, 2::3] /= self.total[:, None]
         scaled = clean_spikes(scaled)
         self.time = np.arange(len(scaled)) / piece.rate
@@ -181,7 +184,7 @@ class Steady:
         lines = mains_lines(self.models)
         coefficients, self.rest = fit_lines(scaled, self.time, lines)
         self.slope, self.hum = coefficients[-1], (coefficients[:-1] ** 2).sum(axis=0) / 2
-        powers = clean_spikes(1e3 * every[:, 2::3] / self.total.mean())
+        powers = clean_spikes(1e3 * samples[:, 2::3] / self.total.mean())
         self.powers = fit_lines(powers, self.time, lines)[1]
         count = max(8, min(SEGMENTS, len(scaled) // MIN_SEGMENT_SAMPLES))
         self.segments = np.array_split(np.arange(len(scaled)), count)
@@ -190,7 +193,7 @@ class Steady:
         self.scatter = f"the scatter within {self.length / count:.2g} s"
 
     def power_faults(self) -> list[str]:
-        """Find a change of the laser's power, or of the light that misses all detectors."""
+        """Describe a change of the total power: of the laser, or of light missing the detectors."""
         means = np.array([self.total[rows].mean() for rows in self.segments])
         change = float(np.ptp(means) / abs(means.mean()))
         if change <= POWER_CHANGE:
@@ -201,7 +204,7 @@ class Steady:
         ]
 
     def drifting_channels(self) -> list[tuple[int, str]]:
-        """Channels with a large slope; the worst of each detector."""
+        """Channels with a large slope, each with a sentence; at most the worst of each detector."""
         is_significant = np.abs(self.slope) > TAIL_SIGMAS * np.array(
             [model.drift.sigma for model in self.models]
         )
@@ -214,7 +217,8 @@ class Steady:
         ]  # fmt: skip
 
     def wandering_channels(self) -> list[tuple[int, str]]:
-        """Channels with a rising Allan deviation; the worst of each detector."""
+        """Channels with a rising Allan deviation, each with a sentence; at most the worst of each
+        detector."""
         size = np.zeros(9)
         for n in range(9):
             curve = allan(self.rest[:, n], self.rate, ALLAN_LEVEL)
@@ -230,15 +234,17 @@ class Steady:
         ]  # fmt: skip
 
     def segment_means(self) -> Floats:
-        """Means of the segments, with the drift: (segments, 9)."""
+        """Means of the channels in each segment, drift included: (segments, 9)."""
         drifting = self.rest + np.outer(self.time - self.time.mean(), self.slope)
         return np.array([drifting[rows].mean(axis=0) for rows in self.segments])
 
     def swing(self, channel: int) -> float:
+        """Difference of the largest and the least segment mean of a channel, in its unit."""
         return float(np.ptp(self.segment_means()[:, channel]))
 
     def describe_change(self, channel: int) -> str:
-        """Describe a slow change: a step, if one explains nearly all of it, or wandering."""
+        """The verb for a channel's slow change: a jump, if one explains nearly all of it, or
+        wandering."""
         means = self.segment_means()[:, channel]
         remaining = [
             means[:k].var() * k + means[k:].var() * (len(means) - k) for k in range(1, len(means))
@@ -249,7 +255,7 @@ class Steady:
         return f"jumps after {self.time[self.segments[k][0]]:.3g} s by"
 
     def common_motion(self) -> list[str]:
-        """Find a common motion of the detectors, at the time scale where it is largest."""
+        """Describe a common motion of the detectors, at the time scale where it is largest."""
         worst, size, allowed = (0.0, 0.0, 0), 1, self.allowed_variances()
         while len(self.rest) // size - 1 >= MIN_DIFFERENCES:
             steps = np.diff(block_means(self.rest, size), axis=0) / self.noise
@@ -264,16 +270,16 @@ class Steady:
         if ratio <= 1:
             return []
         added, letter = (ratio * allowed[channel]) ** 0.5, DETECTORS[channel // 3].upper()
-        what = "The shares of light on the detectors" if channel % 3 == 2 else "The spots"
+        moving = "The shares of light on the detectors" if channel % 3 == 2 else "The spots"
         return [
-            f"{what} move together within {tau:.2g} s, on detector {letter} by "
+            f"{moving} move together within {tau:.2g} s, on detector {letter} by "
             f"{digits(added)} times {self.scatter} (root mean square): the mirror or the beam "
             "moves or vibrates, or the same disturbance enters all detectors."
         ]
 
     def allowed_variances(self) -> Floats:
-        """Largest common variances (9,) of detectors, over the noise's; includes configured
-        jitter."""
+        """Largest variances (9,) that detectors may have in common, over the noise's variances;
+        the configured jitter of the beam is included."""
         electronics = self.config.sensor.electronics
         pointing = electronics.pointing if electronics else 0.0
         beam = self.jacobian()[:, 6:] * pointing / self.noise[:, None]
@@ -281,17 +287,17 @@ class Steady:
         return allowed
 
     def mains_pickup(self) -> list[str]:
-        """Find lines at the mains' frequency that are larger than the noise."""
+        """Describe lines at multiples of the mains' frequency that are larger than the noise."""
         size = (2 * self.hum) ** 0.5
         return [
             f"{subject(n)} swings with the mains by {amount(n, size[n])} (amplitude), "
             f"{digits(size[n] / self.noise[n])} times {self.scatter}: pick-up of the "
-            "electronics or a vibration, which cannot be told apart."
+            "electronics or a vibration, which cannot be distinguished."
             for n in worst_channels(self.hum / self.noise**2, MAINS_VARIANCE)
         ]
 
     def bursts(self) -> list[str]:
-        """Find segments with a much larger variance than the others."""
+        """Describe segments with a much larger variance than the others."""
         parts = np.array_split(
             np.arange(len(self.rest)), len(self.segments) // BURST_SEGMENT_FACTOR
         )
@@ -313,8 +319,8 @@ class Steady:
         ]
 
     def jacobian(self) -> Floats:
-        """Derivatives (9, 8) of the channels by the state, at the mean readings' pose, else at
-        rest."""
+        """Derivatives (9, 8) of the channels by the state, in mm and rad, at the pose of the mean
+        reading, or at the zero pose if that cannot be solved."""
         sensor = self.config.sensor
         solution = solve(sensor, self.mean, beam="known", power="unknown")
         state = solution.state if bool(solution.converged) else np.zeros(8)
@@ -323,7 +329,7 @@ class Steady:
         return slopes
 
     def describe_cause(self) -> str:
-        """Describe the cause of a slow change, or say that it is unknown."""
+        """Describe the cause of a slow change, or state that it is unknown."""
         slow = self.segment_means()
         slow = (slow - slow.mean(axis=0)) / self.noise
         energy = (slow**2).sum(axis=0)
@@ -331,11 +337,12 @@ class Steady:
         for columns, words in ((slice(6, 8), "beam"), (slice(0, 6), "mirror")):
             states = slow @ np.linalg.pinv(jacobian[:, columns]).T
             remaining = slow - states @ jacobian[:, columns].T
-            if (remaining**2).sum() <= UNEXPLAINED_SHARE * energy.sum():
+            if (remaining**2).sum() <= UNEXPLAINED_FRACTION * energy.sum():
                 return self.describe_motion(words, states, jacobian[:, columns])
-        places = energy.reshape(3, 3)[:, :2].sum(axis=1)  # all shares change if one power does
+        # Positions only: if one power changes, all fractions of the total do.
+        places = energy.reshape(3, 3)[:, :2].sum(axis=1)
         k = int(np.argmax(places))
-        if places.sum() - places[k] <= ELSEWHERE_SHARE * places.sum():
+        if places.sum() - places[k] <= ELSEWHERE_FRACTION * places.sum():
             return (
                 f"Only detector {DETECTORS[k].upper()} changes, so it is not the mirror but that "
                 "detector, its mount or its electronics."
@@ -347,7 +354,11 @@ class Steady:
 
     @staticmethod
     def describe_motion(words: str, states: Floats, jacobian: Floats) -> str:
-        """The sentence for a motion that explains a slow change."""
+        """Describe a motion that explains a slow change.
+
+        words: "beam" or "mirror".  states: (segments, k) its components, mm and rad.  jacobian:
+        (9, k) derivatives of the channels by these, over their noise.
+        """
         if words == "beam":
             size = float(np.ptp(states, axis=0).max())
             return (
@@ -366,7 +377,7 @@ class Steady:
 
 
 def mains_lines(models: Sequence[NoiseModel]) -> list[float]:
-    """Frequencies of the mains' lines in any of the signals, without duplicates."""
+    """Frequencies of the mains' lines in any of the signals, Hz, without duplicates."""
     frequencies: list[float] = []
     for model in models:
         for line in model.lines:
@@ -378,29 +389,32 @@ def mains_lines(models: Sequence[NoiseModel]) -> list[float]:
 
 
 def clean_spikes(signals: Floats) -> Floats:
-    """Signals (n, m) without gaps, and interpolated where they have spikes."""
+    """Replace spikes in signals (n, m) without gaps by interpolation."""
     columns = (fill(np.where(find_spikes(signal), np.nan, signal)) for signal in signals.T)
     return np.stack([*columns], axis=1)
 
 
 def segment_variance(part: Floats) -> Floats:
-    """Variances of the columns of (n, m) about their own lines."""
+    """Variances (m,) of signals (n, m) about their straight lines of best fit."""
     rest = fit_lines(part, np.arange(float(len(part))))[1]
     variance: Floats = (rest**2).sum(axis=0) / (len(part) - 2)
     return variance
 
 
 def block_means(signals: Floats, size: int) -> Floats:
+    """Means (n // size, m) of signals (n, m) over blocks of `size` rows; the last rows may be
+    unused."""
     count = len(signals) // size
     means: Floats = signals[: count * size].reshape(count, size, -1).mean(axis=1)
     return means
 
 
 def predictable_variances(steps: Floats, allowed: Floats) -> list[tuple[float, int]]:
-    """The variance of each place that the other detectors predict, relative to the allowed one.
+    """Variances of positions that the other detectors predict, over the allowed variances (9,).
 
-    steps: differences of neighbouring means (n, 9), over the noise. The regression of independent
-    noise explains a part of about 6 / n, which counts as chance.
+    Returns pairs of ratio and channel, for predictions beyond chance.  steps: (n, 9) differences of
+    neighbouring means, over the noise. A regression on independent noise explains about 6 / n of
+    the variance by chance, which is subtracted.
     """
     from scipy.special import gammaincinv
 
@@ -417,11 +431,12 @@ def predictable_variances(steps: Floats, allowed: Floats) -> list[tuple[float, i
 
 
 def exchanged_variances(steps: Floats, allowed: Floats) -> list[tuple[float, int]]:
-    """The variance of light exchanged between two detectors, relative to the allowed one.
+    """Variances of light that two detectors exchange, over the allowed variances (3,).
 
-    steps: differences of neighbouring means of the powers (n, 3), over the noise. Independent noise
-    has no covariance, the laser's noise a positive one; light that moves from one detector to
-    others has a negative one, of half its variance if both others get the same.
+    Returns pairs of ratio and channel, for exchanges beyond chance.  steps: (n, 3) differences of
+    neighbouring means of the powers, over the noise. The covariance of independent noise is zero,
+    and the laser's noise makes it positive. Light that moves from one detector to the others makes
+    it negative: half the light's variance if both others receive the same.
     """
     covariance = steps.T @ steps / len(steps)
     scale = np.sqrt(np.diagonal(covariance))
@@ -435,17 +450,19 @@ def exchanged_variances(steps: Floats, allowed: Floats) -> list[tuple[float, int
 
 
 def worst_channels(ratios: Floats, allowed: float) -> list[int]:
-    """The channel of each detector with the largest ratio, if the ratio exceeds the allowed one."""
+    """The channel with the largest ratio of each detector, if this exceeds the allowed ratio."""
     by_detector = np.nan_to_num(ratios).reshape(3, 3)
     return [3 * k + int(np.argmax(row)) for k, row in enumerate(by_detector) if row.max() > allowed]
 
 
 def subject(channel: int) -> str:
-    what = ("The spot's place psi", "The spot's place zeta", "The share of light")[channel % 3]
-    return f"{what} on detector {DETECTORS[channel // 3].upper()}"
+    """The name of a channel, as the subject of a sentence."""
+    noun = ("The spot's place psi", "The spot's place zeta", "The share of light")[channel % 3]
+    return f"{noun} on detector {DETECTORS[channel // 3].upper()}"
 
 
 def amount(channel: int, value: float) -> str:
+    """Format a value of a channel, um or thousandths, with its unit."""
     return f"{digits(value / 10)} %" if channel % 3 == 2 else f"{digits(value)} µm"
 
 
