@@ -31,6 +31,7 @@ Unknowns = Callable[[Sensor, Data], Sigmas]
 
 
 def no_unknowns(sensor: Sensor, data: Data) -> Sigmas:
+    """No unknowns, for an effect that only changes the fit's settings."""
     return {}
 
 
@@ -67,6 +68,7 @@ class Candidate:
 
     @property
     def key(self) -> str:
+        """The key of the effect."""
         return self.effect.key
 
 
@@ -88,6 +90,7 @@ SIGMAS = {
 
 
 def bends_of_all() -> Sigmas:
+    """The prior standard uncertainties of the bends of all detectors by name."""
     return {name: size for k in DETECTORS for name, size in bends(k, SIGMAS["bend"]).items()}
 
 
@@ -99,6 +102,7 @@ def open_bends(settings: Calibrate) -> Sigmas:
 
 
 def spline_unknowns(sensor: Sensor, data: Data) -> Sigmas:
+    """Bends and splines of all detectors; none if the configuration has a correction table."""
     if any(psd.correction.grid for psd in sensor.psds):  # keep a table of the configuration
         return {}
     return bends_of_all() | dict.fromkeys(SPLINE, SIGMAS["spline"])
@@ -108,6 +112,7 @@ def motion_unknowns(sigma: Sigmas) -> Unknowns:
     """Unknowns that only a motion with measured velocities determines."""
 
     def unknowns(sensor: Sensor, data: Data) -> Sigmas:
+        """The unknowns, if the table is a motion in time, else none."""
         return {} if data.velocity is None else sigma
 
     return unknowns
@@ -135,6 +140,7 @@ def drift_unknowns(*causes: str) -> Unknowns:
     columns = [CLOCKS.index(cause) for cause in causes]
 
     def unknowns(sensor: Sensor, data: Data) -> Sigmas:
+        """The unknowns, if the columns of the clock vary, else none."""
         if data.clock is None or not np.ptp(data.clock[:, columns], axis=0).all():
             return {}
         return {f"{cause}.{what}": SIGMAS["drift"] for cause in causes for what in OF_DRIFT}
@@ -143,6 +149,7 @@ def drift_unknowns(*causes: str) -> Unknowns:
 
 
 def fixed_unknowns(sigma: Sigmas) -> Unknowns:
+    """Make a function that returns these unknowns for every table."""
     return lambda sensor, data: sigma
 
 
@@ -213,6 +220,7 @@ def effects_without_columns(every: list[Candidate], settings: Calibrate) -> list
 
 
 def add_candidate(chosen: Choice, candidate: Candidate) -> Choice:
+    """The choice with the candidate's unknowns and its beam in addition."""
     return replace(
         chosen.add_unknowns(candidate.sigma), beam=max(chosen.beam, candidate.effect.beam)
     )

@@ -106,7 +106,7 @@ def stuck_channels(sensor: Sensor, data: Data) -> list[Finding]:
 
 
 def expected_readings(sensor: Sensor, data: Data) -> Floats:
-    """The readings (n, 9) of the configured sensor in this motion."""
+    """The readings (n, 9), mm and mW, of the configured sensor in this motion."""
     still = np.zeros((len(data.raw), OWN_COUNT))
     return readings(sensor, states_of(data, still, values_of(sensor)))
 
@@ -189,7 +189,8 @@ def untimed_channels(sensor: Sensor, data: Data) -> list[Finding]:
 
 
 def written_times(data: Data) -> tuple[Floats, NDArray[np.int64]]:
-    """The times of the rows that have one, relative to half of the run, and the row numbers."""
+    """The times of the rows that have one, relative to half of the run, and the row numbers; both
+    (rows,)."""
     time = np.zeros(len(data.raw)) if data.clock is None else data.clock[:, 0]
     return time[time != 0], row_numbers(data)[time != 0]  # the clock of a row without a time is 0
 

@@ -1,6 +1,7 @@
 """Findings on a fit, in sentences: causes, chi-square, outliers and pulls.
 
-Each finding states the likely cause and what to do, and whether it forbids to use the result.
+Each finding states the likely cause and what to do, and whether it forbids to use the result. A
+function that returns `Finding | None` returns None if there is nothing to report.
 """
 
 from __future__ import annotations
@@ -363,7 +364,8 @@ STAINS = tuple(name for name in EFFECTS if name.startswith("stain_"))
 def clear_values(
     result: Fit, group: tuple[str, ...], clear: float = CLEAR_SIGMAS
 ) -> dict[str, float]:
-    """The magnitudes of unknowns of a group that exceed `clear` standard uncertainties."""
+    """The magnitudes by name, in mm, rad, s or fractions, of unknowns of a group that exceed
+    `clear` standard uncertainties."""
     fitted = zip(result.choice.names, np.abs(result.values), result.uncertainty, strict=True)
     return {name: float(x) for name, x, u in fitted if name in group and x > clear * u}
 
@@ -482,6 +484,7 @@ def cause_finding(cause: Cause) -> Finding:
 
 
 def describe_reference(scatter: Scatter) -> str:
+    """The further error of the reference in words."""
     return (
         f"the reference errs by a further {describe_pose(scatter.sizes[:6])} (r.m.s.) in addition "
         "to calibrate.reference, or the mirror vibrates against it by as much"
@@ -489,6 +492,7 @@ def describe_reference(scatter: Scatter) -> str:
 
 
 def describe_clock(scatter: Scatter) -> str:
+    """The jitter of the reference's times in words."""
     return (
         f"the times of the reference jitter by {1e3 * scatter.size_of(CLOCK):.2g} ms (r.m.s.) "
         "against the readings; take both from one clock, or let one trigger the other"
@@ -496,6 +500,7 @@ def describe_clock(scatter: Scatter) -> str:
 
 
 def describe_beam(scatter: Scatter) -> str:
+    """The motion of the beam from sample to sample in words."""
     return (
         f"the beam moved by {1e3 * scatter.size_of('beam'):.2g} um (r.m.s.) from sample to sample; "
         "if it moves as much when poses are measured, set solve.beam to prior and beam_sigma_um to "
@@ -504,6 +509,7 @@ def describe_beam(scatter: Scatter) -> str:
 
 
 def describe_detectors(scatter: Scatter) -> str:
+    """The further scatter of the readings in words."""
     places, powers = (float(np.hypot(1.0, scatter.size_of(name))) for name in (PLACES, POWERS))
     return (
         f"the readings scatter by {places:.3g} times the stated noise in places and {powers:.3g} "

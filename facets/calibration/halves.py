@@ -61,6 +61,8 @@ def compare_halves(remainder: Remainder) -> list[HalfDifference]:
 
 
 def half_difference(remainder: Remainder, words: str, first: Booleans) -> HalfDifference:
+    """The difference of the sensors from the two halves of samples. first: (n,), which samples are
+    in the first half. words: the name of the halves."""
     size, matrices, sides = len(remainder.matrix), [], []
     for rows in (first, ~first):
         flat = remainder.likelihood.common[rows].reshape(-1, size)

@@ -60,7 +60,8 @@ def weak_directions(
     matrix: Floats, choice: Choice, sensor: Sensor, limit: float = 1.0
 ) -> list[Direction]:
     """The directions in which the data have less than `limit` times the prior's information, the
-    weakest first.
+    weakest first; empty if there are none. matrix: (unknowns, unknowns) information relative to the
+    prior's.
 
     A named pattern is used where it lies in these directions; the others are described by their
     largest parts.
@@ -90,13 +91,15 @@ def weak_directions(
 
 
 def information_along(matrix: Floats, direction: Floats) -> float:
-    """The information along a direction; infinite for a direction of zero length."""
+    """The information along a direction (unknowns,), relative to the prior's; infinite for a
+    direction of zero length."""
     square = float(direction @ direction)
     return max(float(direction @ matrix @ direction) / square, 0.0) if square else np.inf
 
 
 def conventions(sensor: Sensor, choice: Choice) -> list[Floats]:
-    """Changes of `ALL` that change no pose in any motion, and need not be determined.
+    """Changes (ALL,) of `ALL`, mm and rad, that change no pose in any motion, and need not be
+    determined.
 
     These are a rotation of the mirror on its reference with its facets rotated back and, if each
     sample has its own power, the detectors' common gain.
@@ -116,7 +119,7 @@ def conventions(sensor: Sensor, choice: Choice) -> list[Floats]:
 
 
 def change(parts: dict[str, float]) -> Floats:
-    """Values of `ALL` that are zero except for these parts."""
+    """Values (ALL,) of `ALL` that are zero except for these parts."""
     values = np.zeros(len(ALL))
     for name, value in parts.items():
         values[PLACE[name]] = value
@@ -132,7 +135,7 @@ def remove_direction(space: Floats, direction: Floats) -> Floats:
 
 
 def describe_direction(direction: Floats, choice: Choice) -> str:
-    """Describe a direction by its largest parts."""
+    """Describe a direction (unknowns,), in prior standard uncertainties, by its largest parts."""
     order = np.argsort(-np.abs(direction))
     large = [n for n in order if abs(direction[n]) > NAMED_PART][:4]
     parts = [f"{choice.names[n]} {'up' if direction[n] > 0 else 'down'}" for n in large]
@@ -144,9 +147,11 @@ def patterns(sensor: Sensor) -> dict[str, Floats]:
     named = {}
 
     def add(words: str, parts: dict[str, float]) -> None:
+        """Add the pattern of these parts under a name."""
         named[words] = change(parts)
 
     def each(what: str, name: str) -> dict[str, float]:
+        """The parts that change one parameter of all three facets or detectors by 1."""
         return {f"{what}_{letter}.{name}": 1.0 for letter in DETECTORS}
 
     add("turning all PSDs about z", each("psd", "azimuth"))

@@ -118,6 +118,7 @@ def log_chance(fall: float, count: float) -> float:
 
 
 def no_size(trace: Trace, remainder: Any) -> str:
+    """The empty size of an alternative that states none."""
     return ""
 
 
@@ -158,6 +159,7 @@ class Alternative:
 
 
 def capitalise(words: str) -> str:
+    """The words with a capital first letter; the others are not changed."""
     return words[:1].upper() + words[1:]
 
 

@@ -1,8 +1,11 @@
 """Effects of each alternative on the readings, as columns that extend those of a fit's unknowns.
 
-Columns (n, 9, q) are in standard deviations of the readings per unit of an alternative: mm, rad, s,
-fractions, and mW of light. Basis functions (m, n, w) of the row or of the mirror's position say how
-the size of an alternative varies: m candidates of w functions each, of which the best is taken.
+Functions named `..._columns` return columns (n, 9, q) for n samples: derivatives of the readings,
+in their standard deviations, by the q quantities that the docstring names, in mm, rad, s,
+fractions, or mW of light. Where a quantity cannot act on these samples its columns are zero, and no
+function raises an error. Candidates are basis functions (m, n, w) of the row or of the mirror's
+position, by which the size of an alternative varies: m candidates of w functions each, of which the
+best is taken.
 """
 
 from __future__ import annotations
@@ -58,14 +61,14 @@ def detector_blocks(effects: Floats) -> Floats:
 
 
 def separate(values: Floats, pattern: ArrayLike) -> Floats:
-    """Columns of values (n, 9) of the readings; pattern (3, q): the columns of a detector in which
-    each of its three readings is."""
+    """Columns (n, 9, 3 q) of values (n, 9) of the readings; pattern (3, q): the columns of a
+    detector in which each of its three readings is."""
     return detector_blocks(values.reshape(-1, 3, 3, 1) * np.asarray(pattern))
 
 
 def follow_powers(remainder: Residuals, terms: Floats) -> Floats:
-    """Columns in which the power of each detector varies by terms (n, 3 or 1, q), as fractions of
-    that power."""
+    """Columns (n, 9, 3 q) in which the power of each detector varies by terms (n, 3 or 1, q), as
+    fractions of that power."""
     effects = np.zeros((len(terms), 3, 3, terms.shape[2]))
     effects[:, :, 2] = terms * remainder.light[:, :, None]
     return detector_blocks(effects)
@@ -79,22 +82,24 @@ BY_PLACE_AND_POWER = ((1, 0), (1, 0), (0, 1))
 
 
 def place_columns(remainder: Residuals) -> Floats:
-    """Displacements of the spots on all detectors, along psi and zeta."""
+    """Displacements of the spots on all detectors along psi and zeta, mm: (n, 9, 6)."""
     return separate(1 / remainder.noise, BY_COORDINATE)
 
 
 def drift_columns(remainder: Residuals) -> Floats:
-    """Displacements of the beam and of the spots on all detectors."""
+    """Displacements of the beam (x, y) and of the spots on all detectors (psi, zeta), mm: (n, 9,
+    8)."""
     return np.concatenate([remainder.beam_columns, place_columns(remainder)], axis=2)
 
 
 def detector_columns(remainder: Residuals, k: int) -> Floats:
-    """Displacements of the spot on one detector, along psi and zeta."""
+    """Displacements of the spot on one detector along psi and zeta, mm: (n, 9, 2)."""
     return place_columns(remainder)[:, :, 2 * k : 2 * k + 2]
 
 
 def unknown_columns(remainder: Residuals, names: tuple[str, ...]) -> Floats:
-    """Columns of some of the fit's own unknowns; zero if the fit has not all of them."""
+    """Columns of some of the fit's own unknowns, in the order of `names`: (n, 9, names); zero if
+    the fit has not all of them."""
     places = [n for n, name in enumerate(remainder.fit.choice.names) if name in names]
     if len(places) < len(names):
         return np.zeros((*remainder.noise.shape, len(names)))
@@ -102,7 +107,7 @@ def unknown_columns(remainder: Residuals, names: tuple[str, ...]) -> Floats:
 
 
 def facet_columns(remainder: Residuals, letters: Iterable[str] = DETECTORS) -> Floats:
-    """Inclinations and azimuths of some facets."""
+    """Inclination and azimuth, rad, of each of some facets: two columns per letter."""
     angles = ("inclination", "azimuth")
     return unknown_columns(
         remainder, tuple(f"facet_{k}.{angle}" for k in letters for angle in angles)
@@ -110,7 +115,8 @@ def facet_columns(remainder: Residuals, letters: Iterable[str] = DETECTORS) -> F
 
 
 def laser_columns(remainder: Residuals) -> Floats:
-    """The relative change of the laser's power, as the fit's own unknown if it has that."""
+    """The relative change of the laser's power, (n, 9, 1), as the fit's own unknown if it has
+    that."""
     columns: Floats = unknown_columns(remainder, ("beam.power",)) * remainder.sensor.beam.power
     if not columns.any():
         columns = power_columns(remainder, (0, 1, 2)).sum(axis=2, keepdims=True)
@@ -123,17 +129,18 @@ FEEDBACK_SIGMA = np.array([3e-3, 3e-3, 0.01])
 
 
 def laser_beam_columns(remainder: Residuals) -> Floats:
-    """Displacements of the beam, and the relative change of the laser's power."""
+    """Displacements of the beam, mm, and the relative change of the laser's power: (n, 9, 3)."""
     return np.concatenate([remainder.beam_columns, laser_columns(remainder)], axis=2)
 
 
 def dark_columns(remainder: Residuals) -> Floats:
-    """The dark current of each detector, as light on its middle."""
+    """The dark current of each detector, as mW of light on its middle: (n, 9, 3)."""
     return lamp_columns(remainder)[:, :, ::3]
 
 
 def lamp_columns(remainder: Residuals) -> Floats:
-    """Other light on each detector: its power, and its power times its place."""
+    """Other light on each detector: its power, mW, and its power times its place (psi, zeta), mW
+    mm: (n, 9, 9), three columns for each detector."""
     power = remainder.raw.reshape(-1, 3, 3)[:, :, 2, None]
     effects = np.zeros((len(power), 3, 3, 3))
     effects[:, :, :2, 0] = -remainder.model_readings.reshape(-1, 3, 3)[:, :, :2] / power
@@ -146,12 +153,12 @@ def lamp_columns(remainder: Residuals) -> Floats:
 
 
 def constant(remainder: Residuals) -> Floats:
-    """One candidate: 1 in all rows."""
+    """One candidate: 1 in all rows, (1, n, 1)."""
     return np.ones((1, len(remainder.noise), 1))
 
 
 def steps(remainder: Residuals) -> Floats:
-    """Candidates that are 0 before one of the samples and 1 from it to the end."""
+    """Candidates (m, n, 1) that are 0 before one of the samples and 1 from it to the end."""
     count = len(remainder.noise)
     every = max(1, count**2 // MAX_BASIS_VALUES)
     first = np.arange(STEP_MARGIN, count - STEP_MARGIN, every)
@@ -160,7 +167,8 @@ def steps(remainder: Residuals) -> Floats:
 
 
 def slow_drift(remainder: Residuals) -> Floats:
-    """One candidate: polynomials of the row number that are zero at the end."""
+    """One candidate (1, n, DRIFT_DEGREE): polynomials of the row number that are zero at the
+    end."""
     rows = remainder.row_numbers
     time = (2 * rows - rows[0] - rows[-1]) / max(rows[-1] - rows[0], 1)  # as the laser's own drift
     slow = np.polynomial.legendre.legvander(time, DRIFT_DEGREE)[None, :, 1:]
@@ -168,8 +176,8 @@ def slow_drift(remainder: Residuals) -> Floats:
 
 
 def warmth(remainder: Residuals) -> Floats:
-    """Candidates of the temperature together with a delayed temperature, for each time constant of
-    `Data.pasts`; zero if the table has no temperature."""
+    """Candidates (m, n, 2) of the temperature together with a delayed temperature, for each time
+    constant of `Data.pasts`; one candidate of zeros (1, n, 1) if the table has no temperature."""
     data = remainder.data
     if data.clock is None or data.pasts is None:
         return np.zeros((1, len(remainder.noise), 1))
@@ -178,12 +186,13 @@ def warmth(remainder: Residuals) -> Floats:
 
 
 def mirror_angles(remainder: Residuals) -> Floats:
-    """One candidate: the mirror's angles."""
+    """One candidate (1, n, 3): the mirror's angles, rad."""
     return remainder.data.pose[None, :, 3:]
 
 
 def angle_polynomials(remainder: Residuals) -> Floats:
-    """One candidate: polynomials of the mirror's angles over their reach, up to second order."""
+    """One candidate (1, n, 9): polynomials of the mirror's angles, relative to their reach, up to
+    second order."""
     angles = remainder.data.pose[:, 3:]
     ends = angles / np.abs(angles).max(axis=0).clip(1e-12)
     pairs = combinations_with_replacement(range(3), 2)
@@ -192,19 +201,22 @@ def angle_polynomials(remainder: Residuals) -> Floats:
 
 
 def frequencies(remainder: Residuals) -> Floats:
-    """Frequencies, cycles per row, that the run resolves and that are faster than a slow drift."""
+    """Frequencies (m,), cycles per row, that the run resolves and that are faster than a slow
+    drift."""
     rows = float(np.ptp(remainder.row_numbers)) + 1
     every = max(1, int(2 * rows) * len(remainder.noise) // MAX_BASIS_VALUES)
     return np.arange(DRIFT_DEGREE + 1, rows, every) / (2 * rows)
 
 
 def waves(remainder: Residuals, frequency: Floats) -> Floats:
-    """Candidates of a sine and a cosine, cycles per row, aliased ones included."""
+    """Candidates (m, n, 2) of a cosine and a sine of each frequency (m,), cycles per row, aliased
+    ones included."""
     return waves_at(tuple(frequency.tolist()), tuple(remainder.row_numbers.tolist()))
 
 
 @lru_cache(maxsize=2)  # all drift sources are tried with the same waves
 def waves_at(frequency: tuple[float, ...], rows: tuple[int, ...]) -> Floats:
+    """The cosine and sine (m, n, 2) of frequencies, cycles per row, at row numbers."""
     phase = 2 * np.pi * np.array(frequency)[:, None] * np.array(rows)
     return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
 
@@ -213,7 +225,8 @@ def waves_at(frequency: tuple[float, ...], rows: tuple[int, ...]) -> Floats:
 
 
 def shape_columns(remainder: Residuals) -> Floats:
-    """Smooth maps over the mirror's x and y by which each power varies separately.
+    """Smooth maps over the mirror's x and y by which each power varies separately, as fractions:
+    one column for each map and detector.
 
     Scatter follows no map. Light of another shape than the model's does, also where an unknown beam
     position or power of each sample absorbs most of it.
@@ -227,7 +240,8 @@ def shape_columns(remainder: Residuals) -> Floats:
 
 
 def effect_columns(remainder: Residuals, series: str) -> Floats:
-    """Effects of real light whose names begin with a series."""
+    """Effects of real light whose names begin with a series, in the order and units of
+    `EFFECTS`."""
     names = [name for name in EFFECTS if name.startswith(series)]
     slopes = effect_jacobian(remainder.sensor, remainder.state, names=names)
     columns: Floats = slopes[:, :, [EFFECTS.index(name) for name in names]]
@@ -235,12 +249,14 @@ def effect_columns(remainder: Residuals, series: str) -> Floats:
 
 
 def chip_columns(remainder: Residuals) -> Floats:
-    """An area broken off the tip of each facet, mm^2: each facet illuminates its own detector."""
+    """An area broken off the tip of each facet, mm^2, (n, 9, 3): each facet illuminates its own
+    detector."""
     return separate(effect_columns(remainder, "tip.area")[:, :, 0], BY_DETECTOR)
 
 
 def uneven_columns(remainder: Residuals) -> Floats:
-    """Facets whose reflectance decreases along x and y, as a fraction per mm from the tip.
+    """Facets whose reflectance decreases along x and y, as a fraction per mm from the tip: (n, 9,
+    6).
 
     In a Gaussian beam this shifts the light on the facet, and varies with its place in the beam.
     """
@@ -250,8 +266,8 @@ def uneven_columns(remainder: Residuals) -> Floats:
 
 
 def responsivity_columns(remainder: Residuals) -> Floats:
-    """Detectors whose responsivity varies over their faces: fractions at the edge, for each term of
-    first and second order in the spot's place."""
+    """Detectors whose responsivity varies over their faces: fractions at the edge, for each of the
+    five terms of first and second order in the spot's place, (n, 9, 15)."""
     places = remainder.raw.reshape(-1, 3, 3)[:, :, :2] / half_sizes(remainder.sensor)
     y, z = np.moveaxis(places, 2, 0)
     return follow_powers(remainder, np.stack([y, z, y * y, y * z, z * z], axis=2))
@@ -259,7 +275,7 @@ def responsivity_columns(remainder: Residuals) -> Floats:
 
 def scatter_columns(remainder: Residuals) -> Floats:
     """Light that each facet scatters onto the other detectors, as a fraction of the facet's power:
-    its power, and its power times its place."""
+    its power, and its power times its place, mm; (n, 9, 18)."""
     lamp, power = lamp_columns(remainder), remainder.model_readings[:, 2::3]
     parts = [
         lamp[:, :, 3 * k : 3 * k + 3] * power[:, None, None, j]
@@ -269,7 +285,7 @@ def scatter_columns(remainder: Residuals) -> Floats:
 
 
 def power_columns(remainder: Residuals, detectors: tuple[int, ...]) -> Floats:
-    """Relative changes of the powers of some detectors."""
+    """Relative changes of the powers of some detectors, (n, 9, detectors)."""
     return follow_powers(remainder, np.ones((len(remainder.noise), 1, 1)))[:, :, detectors]
 
 
@@ -285,7 +301,8 @@ def place_in_beam(remainder: Residuals) -> Floats:
 
 
 def fringes(remainder: Residuals) -> Floats:
-    """Candidates of fringes that are fixed in the beam, by the apex's place in it."""
+    """Candidates (m, n, 2), a cosine and a sine, of fringes that are fixed in the beam, by the
+    apex's place in it."""
     place, sigma = place_in_beam(remainder), beam_sigma(remainder.sensor)
     envelope = np.exp(-(place**2).sum(axis=1) / 2 / sigma**2)
     angle = np.arange(FRINGE_DIRECTIONS) * np.pi / FRINGE_DIRECTIONS
@@ -296,7 +313,8 @@ def fringes(remainder: Residuals) -> Floats:
 
 
 def window_columns(remainder: Residuals, k: int) -> Floats:
-    """The relative change of a detector's power, and displacements of its spot."""
+    """The relative change of a detector's power, and displacements of its spot (psi, zeta), mm: (n,
+    9, 3)."""
     return np.concatenate([power_columns(remainder, (k,)), detector_columns(remainder, k)], axis=2)
 
 
@@ -308,8 +326,8 @@ def spot_range(remainder: Residuals, k: int) -> Floats:
 
 
 def window_fringes(remainder: Residuals, periods: Floats, k: int) -> Floats:
-    """Candidates of fringes of a detector's window, periodic in the spot's place.  periods: numbers
-    of periods (m, 2) over the range of places."""
+    """Candidates (m, n, 2) of fringes of a detector's window, periodic in the spot's place.
+    periods: numbers of periods (m, 2) over the range of places."""
     place = remainder.raw[:, 3 * k : 3 * k + 2] / spot_range(remainder, k)
     phase = 2 * np.pi * periods @ place.T
     return np.stack([np.cos(phase), np.sin(phase)], axis=-1)
@@ -351,7 +369,8 @@ BOW_SIGMAS = np.repeat([5e-3, 2e-5], 3)
 
 
 def reference_columns(remainder: Residuals, terms: list[tuple[int, Floats]]) -> Floats:
-    """Columns of errors of the reference.  terms: for each column, the axis, and its error (n,)."""
+    """Columns (n, 9, terms) of errors of the reference.  terms: for each column, the axis, and its
+    error (n,), mm or rad."""
     by_pose = remainder.pose_columns
     return np.stack([by_pose[:, :, axis] * size[:, None] for axis, size in terms], axis=-1)
 
@@ -391,20 +410,21 @@ def square_terms(
 
 
 def changed_columns(remainder: Residuals, fault: Alternative) -> Floats:
-    """The column of a change of the reference's poses that is small in these samples."""
+    """The column (n, 9, 1) of a change of the reference's poses that is small in these samples."""
     assert fault.change is not None
     moved = fault.change(remainder.data).pose - remainder.data.pose
     return remainder.pose_columns @ moved[:, :, None]
 
 
 def axis_delay_columns(remainder: Residuals) -> Floats:
-    """Delays of the reference's axes, s; zero where the table is no motion in time."""
+    """Delays of the reference's six axes, s, (n, 9, 6); zero where the table is no motion in
+    time."""
     velocity = remainder.data.velocity
     return remainder.pose_columns * (0.0 if velocity is None else velocity[:, None])
 
 
 def moving_columns(remainder: Residuals) -> Floats:
-    """Delays of the detectors, s; zero where the table is no motion in time."""
+    """Delays of the three detectors, s, (n, 9, 3); zero where the table is no motion in time."""
     data = remainder.data
     if data.velocity is None or data.clock is None:
         return np.zeros((*remainder.noise.shape, 3))
@@ -413,7 +433,7 @@ def moving_columns(remainder: Residuals) -> Floats:
 
 
 def clock_columns(remainder: Residuals) -> Floats:
-    """A delay of the reference that grows with time, s at the end of the run."""
+    """A delay of the reference that grows with time, s at the end of the run: (n, 9, 1)."""
     moving = moving_columns(remainder).sum(axis=2, keepdims=True)
     clock = remainder.data.clock
     late: Floats = moving if clock is None else moving * clock[:, :1, None]
@@ -424,7 +444,8 @@ def clock_columns(remainder: Residuals) -> Floats:
 
 
 def memory_columns(remainder: Residuals) -> Floats:
-    """Memory: fractions of the previous reading that each detector retains, of places and powers.
+    """Memory: fractions of the previous reading that each detector retains, of places and powers,
+    (n, 9, 6).
 
     The change is taken from the model's reading of a row, whose noise would look like memory.
     """
@@ -433,18 +454,21 @@ def memory_columns(remainder: Residuals) -> Floats:
 
 
 def memory_in_use(remainder: Residuals) -> Floats:
-    """The same if each pose follows the one on the other side of the motion."""
+    """The columns of `memory_columns` if each pose follows the one on the other side of the
+    motion."""
     model = remainder.model_readings
     return retained_columns(remainder, 2 * np.median(model, axis=0) - model)
 
 
 def retained_columns(remainder: Residuals, before: Floats) -> Floats:
-    """Fractions of the readings before (n, 9) that each detector retains."""
+    """Fractions of the readings before (n, 9) that each detector retains, of places and powers: (n,
+    9, 6)."""
     return separate((before - remainder.model_readings) / remainder.noise, BY_PLACE_AND_POWER)
 
 
 def averaged_columns(remainder: Residuals) -> Floats:
-    """Readings of a motion that were averaged over rows, per mean square of the rows' distance."""
+    """Readings of a motion that were averaged over rows, per mean square of the rows' distance, (n,
+    9, 1); zero where the table is no motion in time."""
     data, result = remainder.data, remainder.fit
     moves = data.moves
     if data.velocity is None or moves is None:
@@ -460,7 +484,7 @@ def averaged_columns(remainder: Residuals) -> Floats:
 
 
 def leak_columns(remainder: Residuals) -> Floats:
-    """Fractions of each detector's currents in the channels of each other detector."""
+    """Fractions of each detector's currents in the channels of each other detector: (n, 9, 24)."""
     raw = np.nan_to_num(remainder.data.raw).reshape(-1, 3, 3)  # a missing reading leaks nothing
     lamp = lamp_columns(remainder).reshape(-1, 9, 3, 3)
     light = raw[:, :, [2, 0, 1]]
@@ -473,8 +497,8 @@ def likely_resets(remainder: Residuals, columns: Floats) -> tuple[Floats, int]:
     """Indicators (n, b) of blocks of rows, and the length of a block at which columns (n, 9, q)
     with separate amounts in each block would explain most if no unknown absorbed any of it.
 
-    There are none where the blocks would be few, which are jumps, where they would be too many for
-    a long table, or where blocks that begin elsewhere explain as much.
+    There are none, and the indicators are zero (n, 1) and the length 0, if the blocks would be few
+    (which are jumps), too many for a long table, or if blocks that begin elsewhere explain as much.
     """
     pulled = (np.swapaxes(columns, 1, 2) @ remainder.pulled[:, :, None])[:, :, 0]
     square = np.einsum("niq,nij,njq->nq", columns, remainder.inverse, columns)
@@ -486,6 +510,7 @@ def likely_resets(remainder: Residuals, columns: Floats) -> tuple[Floats, int]:
     lengths = range(shortest, longest + 1, max(1, (longest - shortest) * count // MAX_BASIS_VALUES))
 
     def gain(length: int, offset: int = 0) -> float:
+        """The fall of chi-square by blocks of this length, less that by chance."""
         first = np.flatnonzero(np.diff((rows + offset) // length, prepend=-1))
         falls: Floats = np.add.reduceat(pulled, first) ** 2
         falls /= np.maximum(np.add.reduceat(square, first), 1e-300)
@@ -499,8 +524,8 @@ def likely_resets(remainder: Residuals, columns: Floats) -> tuple[Floats, int]:
 
 
 def amplifier_columns(remainder: Residuals) -> Floats:
-    """Amplifiers whose gain grows with the current, as a fraction at a current of 1 mW of light,
-    for each of the four electrodes of each detector."""
+    """Amplifiers (n, 9, 12) whose gain grows with the current, as a fraction at a current of 1 mW
+    of light, for each of the four electrodes of each detector."""
     raw, half = remainder.data.raw.reshape(-1, 3, 3, 1), half_sizes(remainder.sensor)[:, :, None]
     power, ratio, sign = raw[:, :, 2:], raw[:, :, :2] / half, np.array([-1, 1])
     square = (power * (1 + sign * ratio) / 2) ** 2  # of the currents (n, 3, 2, 2)

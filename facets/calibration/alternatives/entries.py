@@ -99,6 +99,8 @@ class DriftSource:
 
 
 def lengths(*axes: str) -> Callable[[Floats], str]:
+    """Make a function that writes amounts, mm, along these axes in words."""
+
     def words(amounts: Floats) -> str:
         parts = zip(amounts.tolist(), axes, strict=True)
         return "by " + " and ".join(f"{1e3 * size:.3g} um along {axis}" for size, axis in parts)
@@ -107,22 +109,27 @@ def lengths(*axes: str) -> Callable[[Floats], str]:
 
 
 def pose_size(amounts: Floats) -> str:
+    """The sizes (6,) of a pose's change, mm and rad, in words."""
     return f"by {describe_pose(amounts)}"
 
 
 def angles(amounts: Floats) -> str:
+    """Two angles (2,), rad, in words."""
     return f"by {1e6 * amounts[0]:.3g} and {1e6 * amounts[1]:.3g} urad"
 
 
 def supply_size(amounts: Floats) -> str:
+    """The largest of some displacements, mm, in words."""
     return f"by up to {1e3 * np.abs(amounts).max():.2g} um"
 
 
 def turn_size(amounts: Floats) -> str:
+    """An angle (1,), rad, in words."""
     return f"by {1e3 * amounts[0]:.3g} mrad"
 
 
 def fraction_size(amounts: Floats) -> str:
+    """A fraction (1,) as a percentage in words."""
     return f"by {100 * amounts[0]:.3g} %"
 
 
@@ -188,6 +195,7 @@ def changes_of(source: DriftSource) -> list[Alternative]:
     temperature."""
 
     def switch(remainder: Remainder) -> Trace:
+        """The trace of a quantity that changes between two values, several times."""
         made, bases = source.columns(remainder), columns.steps(remainder)
         step = score_bases(remainder, f"{source.key}.jumped", made, bases, source.sigma)
         first = np.argmax(bases[int(step.at[0]), :, 0] > 0)
@@ -197,6 +205,7 @@ def changes_of(source: DriftSource) -> list[Alternative]:
         return trace._replace(columns=made * (state.astype(float) - in_use)[:, None, None])
 
     def size_of_switch(trace: Trace, remainder: Remainder) -> str:
+        """The rows between which it changes, and its size, in words."""
         numbers = remainder.row_numbers
         between = [f"{numbers[int(n) - 1]} and {numbers[int(n)]}" for n in trace.at]
         listed, more = ", ".join(between[:MAX_LISTED_ROWS]), len(between) - MAX_LISTED_ROWS
@@ -204,16 +213,19 @@ def changes_of(source: DriftSource) -> list[Alternative]:
         return f"between rows {listed}{rest}, {source.size(trace.amounts)}"
 
     def size_of_wave(trace: Trace, remainder: Remainder) -> str:
+        """The amplitude and the period in words."""
         amplitudes = np.hypot(*trace.amounts.reshape(-1, 2).T)
         return f"{source.size(amplitudes)} at a period of {1 / trace.at[0]:.4g} rows"
 
     def alternative(change: str, **parts: Any) -> Alternative:
+        """The alternative of this kind of change."""
         words = f"{source.words} {CHANGE_VERBS[change]}"
         return Alternative(f"{source.key}.{change}", source.group, words, source.remedy,
                            source.measurement, **parts)  # fmt: skip
 
     def first_state(remainder: Remainder) -> Floats:
-        """The state at the beginning of the run, in which poses may be measured."""
+        """The columns (n, 9, q) of a drift to the state at the beginning of the run, in which poses
+        may be measured."""
         return np.kron(source.columns(remainder), columns.slow_drift(remainder)[0, 0])
 
     common = source.columns, source.sigma
@@ -232,7 +244,8 @@ def changes_of(source: DriftSource) -> list[Alternative]:
 
 
 def facets_of(amounts: Floats) -> str:
-    """The facets that lose light at the tip; an area that all have in common does not count."""
+    """The facets that lose light at the tip, in words, from the areas (3,) in mm^2; an area that
+    all have in common does not count."""
     largest = max(float(amounts.max()), 0.0)
     parts = [k.upper() for k, area in zip(DETECTORS, amounts, strict=True)
              if area > 0.4 * largest > 0]  # fmt: skip
@@ -246,6 +259,7 @@ def largest(words: str, factor: float = 100.0) -> Callable[[Trace, Remainder], s
 
 
 def period(trace: Trace, remainder: Remainder) -> str:
+    """The period of fringes in words."""
     return f"({trace.at[0]:.2g} mm apart)"
 
 
@@ -264,6 +278,8 @@ def one_facet_test(
 
 
 def reference_test(kind: str) -> Test:
+    """The test of one kind of error of the reference, see `columns.reference_terms`."""
+
     def test(remainder: Remainder) -> Trace:
         terms = columns.reference_terms(remainder)[kind]
         made = columns.reference_columns(remainder, terms)
@@ -273,6 +289,7 @@ def reference_test(kind: str) -> Test:
 
 
 def test_fringes(remainder: Remainder) -> Trace:
+    """The trace of fringes that are fixed in the beam; its place is their period, mm."""
     made = columns.power_columns(remainder, (0, 1, 2))
     trace = score_bases(remainder, "fringes", made, columns.fringes(remainder))
     periods = np.tile(columns.FRINGE_PERIODS_MM, columns.FRINGE_DIRECTIONS)
@@ -280,6 +297,7 @@ def test_fringes(remainder: Remainder) -> Trace:
 
 
 def test_window(remainder: Remainder, k: int) -> Trace:
+    """The trace of fringes of the window of detector k; its place is their period, mm."""
     key = f"window_{DETECTORS[k]}"
     made = remainder.readable(columns.window_columns(remainder, k))
     periods = columns.likely_fringes(remainder, made, k)
@@ -292,6 +310,8 @@ def test_window(remainder: Remainder, k: int) -> Trace:
 
 
 def test_resets(remainder: Remainder) -> Trace:
+    """The trace of dark currents that a detector resets at intervals; its place is the interval in
+    rows."""
     made = remainder.readable(columns.lamp_columns(remainder))  # of each of four electrodes
     blocks, length = columns.likely_resets(remainder, made)
     sigma = np.repeat(LAMP_SIGMA, blocks.shape[1])

@@ -55,10 +55,12 @@ LARGE_QUANTILE, INWARD_FRACTION = 0.9, 0.8
 
 
 def table_fault(words: str, remedy: str, change: Change, general: bool = False) -> Alternative:
+    """The alternative that the table has a fault which `change` undoes."""
     return Alternative(words, "table", words, remedy, change=change, general=general)
 
 
 def table_faults(sensor: Sensor) -> Iterator[Alternative]:
+    """Yield all faults of a table that can be undone, as alternatives."""
     yield from swapped_signs()
     yield from exchanged_readings()
     yield from angle_orders()
@@ -69,10 +71,12 @@ def table_faults(sensor: Sensor) -> Iterator[Alternative]:
 
 
 def change_readings(change: ColumnChange) -> Change:
+    """Make a change of samples from one of their readings (n, 9)."""
     return lambda data: data._replace(raw=change(data.raw))
 
 
 def change_pose(change: ColumnChange) -> Change:
+    """Make a change of samples from one of the reference's poses (n, 6); velocities are dropped."""
     return lambda data: data._replace(pose=change(data.pose), velocity=None)
 
 
@@ -167,6 +171,8 @@ def angle_orders() -> Iterator[Alternative]:
     """Hypotheses of another order of the reference's angles, or of the inverse rotation."""
 
     def replace_angles(matrices: Callable[[Floats], Floats]) -> Change:
+        """Make the change that replaces the angles by those of rotation matrices (n, 3, 3) of the
+        pose."""
         return change_pose(lambda pose: np.hstack([pose[:, :3], rotation_angles(matrices(pose))]))
 
     for order in ("".join(axes) for axes in permutations("xyz")):
@@ -306,6 +312,8 @@ def largest_currents(sensor: Sensor, data: Data) -> tuple[Floats, Floats]:
 
 
 def exclude_large_currents(sensor: Sensor, data: Data) -> Data:
+    """Return the samples without the readings whose current is above the median, and without rows
+    that have none left."""
     current, _ = largest_currents(sensor, data)
     small = current <= np.nanmedian(current)
     raw = np.where(np.repeat(small, 3, axis=1), data.raw, np.nan)
@@ -329,7 +337,8 @@ def subsample(sensor: Sensor, data: Data, count: int) -> Data:
 def short_fit_of(
     sensor: Sensor, data: Data, chosen: Choice, steps: int
 ) -> tuple[Task, Guess | None]:
-    """Fit for some steps; None if the sensor becomes impossible."""
+    """Fit for some steps; returns the task and the last guess, which is None if the sensor becomes
+    impossible."""
     task = Descent(sensor, data, chosen, 3.0)
     with suppress(InputError, np.linalg.LinAlgError):
         at = task.guess(task.start, solve_open_axes(data, sensor))
@@ -363,6 +372,7 @@ class Explanation(NamedTuple):
 
     @property
     def finding(self) -> Finding:
+        """The finding, which refuses the calibration and names the faults and their remedies."""
         faults = ", and ".join(fault.words for fault in self.faults)
         are_two = len(self.faults) > 1
         remedies = "; ".join(fault.remedy for fault in self.faults)
@@ -452,6 +462,7 @@ def find_stray_rows(
 
 
 def exclude_rows(first: int, last: int, data: Data) -> Data:
+    """Return the samples without the rows numbered first to last."""
     rows = row_numbers(data)
     return data.part((rows < first) | (rows > last))
 
@@ -505,7 +516,7 @@ class Trials(NamedTuple):
         return np.inf if at is None else mean_square(task, at)
 
     def rank(self, several: list[tuple[Alternative, ...]]) -> Ranking:
-        """Try all faults briefly, and the best of them again."""
+        """Try all faults briefly, and the best of them again; levels are chi-square per reading."""
         first = sorted((self.trial(faults, 0), n) for n, faults in enumerate(several))
         last = sorted((self.trial(several[n], 1), n) for _, n in first[:EXACT_TRIALS])
         return Ranking(
@@ -516,6 +527,7 @@ class Trials(NamedTuple):
 
 
 def undo(data: Data, faults: tuple[Alternative, ...]) -> Data:
+    """Return the samples with the changes of all faults applied."""
     for fault in faults:
         assert fault.change is not None
         data = fault.change(data)
@@ -534,6 +546,8 @@ class Ranking(NamedTuple):
     partners: list[tuple[Alternative, ...]]
 
     def explains(self, before: float) -> bool:
+        """Whether the best faults reduce chi-square per reading enough, from `before`, and clearly
+        more than the next."""
         best, runner_up = self.levels[0], self.levels[1]
         clear = best <= GOOD_SIGMAS**2 or (
             best <= WORST_LIGHT_SIGMAS**2 and CLEAR_GAP * best < runner_up
@@ -541,6 +555,8 @@ class Ranking(NamedTuple):
         return best < LEAST_REDUCTION * before and clear
 
     def explanation(self, before: float) -> Explanation:
+        """The explanation by the best faults, with those that are about as good. before: chi-square
+        per reading without them."""
         alike = [faults for level, faults in zip(self.levels[1:], self.faults[1:], strict=True)
                  if level < ALIKE_FACTOR * self.levels[0]]  # fmt: skip
         best = float(self.levels[0] ** 0.5)

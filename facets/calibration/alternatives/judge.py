@@ -81,6 +81,7 @@ class Cause:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
+        """The alternatives of the traces, in their order, the likeliest first."""
         return tuple(BY_KEY[trace.key] for trace in self.traces)
 
     @property
@@ -91,6 +92,7 @@ class Cause:
 
     @property
     def best(self) -> Trace:
+        """The trace of the likeliest alternative."""
         return self.traces[0]
 
     @property
@@ -119,11 +121,13 @@ class Cause:
 
     @property
     def is_small(self) -> bool:
+        """Whether the cause shifts poses by too little to refuse a calibration."""
         most = MAX_SHIFT if self.alternatives[0].persists else MAX_UNDONE_SHIFT
         return self.shift <= most
 
     @property
     def refuses(self) -> bool:
+        """Whether the calibration must be refused: because of the kind of cause, or its size."""
         return self.alternatives[0].refuses or not self.is_small
 
 
@@ -246,7 +250,8 @@ def is_general(trace: Trace) -> bool:
 
 
 def clear_trace(remainder: Remainder, alternative: Alternative, limit: float) -> Trace | None:
-    """The trace of an alternative; None if its score is below a limit or its effect invisible."""
+    """The trace of an alternative; None if its score is not above a limit, its effect invisible, or
+    no such light in the model."""
     assert alternative.test is not None
     try:
         trace = alternative.test(remainder)
@@ -348,6 +353,8 @@ class PoseSlopes(NamedTuple):
 
 
 def pose_slopes(remainder: Remainder) -> PoseSlopes:
+    """Derivatives of single poses by the readings and by the sensor's unknowns; samples whose pose
+    is poorly known are excluded."""
     like = remainder.likelihood
     names = remainder.fit.choice.names
     of_sensor = np.array([not name.startswith(RUN_UNKNOWNS) for name in names])

@@ -67,6 +67,7 @@ class Residuals:
 
     @property
     def chi_square(self) -> float:
+        """Chi-square of the residuals at the best common unknowns."""
         return float((self.pulled * self.residuals).sum())
 
     @property
@@ -177,8 +178,8 @@ def rise_without(remainder: Remainder, names: Iterable[str]) -> float:
 
 
 def offsets(remainder: Remainder, names: Iterable[str]) -> tuple[list[int], Floats, Floats]:
-    """The indices of some of the fit's unknowns, their distances from their prior means, and these
-    times their information."""
+    """The indices of some of the fit's unknowns, their distances (names,) from their prior means,
+    in their units, and these times their information."""
     at = [remainder.fit.choice.names.index(name) for name in names]
     off = (remainder.values - values_of(remainder.nominal)[remainder.fit.choice.places])[at]
     return at, off, np.linalg.solve(remainder.covariance[np.ix_(at, at)], off)

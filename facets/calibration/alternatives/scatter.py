@@ -136,7 +136,8 @@ class Likelihood:
         self.before = (at.values - task.start)[task.choice.places]
 
     def place_columns(self, is_absolute: bool) -> Floats:
-        """The columns (n, 9, 6) of the places, per um or per noise; see `Together`."""
+        """The columns (n, 9, 6) of the places, in readings' standard deviations per um if
+        `is_absolute`, else per noise; see `Together`."""
         return self.by_um if is_absolute else self.columns[:, :, 9:15]
 
     @property
@@ -161,7 +162,7 @@ class Likelihood:
     def restrict(
         self, priors: Floats, sizes: Floats, together: Together = NONE_TOGETHER
     ) -> RestrictedLikelihood:
-        """The restricted likelihood, with the common unknowns free."""
+        """The restricted likelihood, with the common unknowns free; arguments as for `variance`."""
         variance = self.variance(priors, sizes, together)
         inverse: Floats = np.asarray(np.linalg.inv(variance), dtype=float)
         weighted = inverse @ self.common
@@ -227,7 +228,8 @@ class Likelihood:
         return Sizes(at.unlikely, sizes, additional(matrix - base))
 
     def is_together(self, priors: Floats, start: Floats) -> bool:
-        """Whether places of different detectors are correlated beyond chance."""
+        """Whether places of different detectors are correlated beyond chance; arguments as for
+        `variance`."""
         observed, expected = self.squares(self.restrict(priors, start), self.place_columns(False))
         size = np.sqrt(np.maximum(np.diag(expected), 1e-300))
         excess = (observed - expected) / size / size[:, None] * np.sqrt(len(self.residual))
@@ -266,8 +268,8 @@ def erring_column(sensor: Sensor, data: Data, result: Fit) -> str | None:
 
 
 def geometric_mean(covariance: Floats, observed: Floats, expected: Floats) -> Floats:
-    """The covariance X with X E X = C O C, for a covariance C and the observed and expected squares
-    O and E."""
+    """The covariance X with X E X = C O C, all (m, m), for a covariance C and the observed and
+    expected squares O and E."""
     smallest = 1e-9 * np.trace(expected) * np.eye(len(expected))
     root = np.linalg.cholesky(expected + smallest)
     level, ways = np.linalg.eigh(root.T @ covariance @ observed @ covariance @ root)
@@ -277,7 +279,7 @@ def geometric_mean(covariance: Floats, observed: Floats, expected: Floats) -> Fl
 
 
 def geometric_means(matrix: Floats, observed: Floats, expected: Floats) -> list[Floats]:
-    """A covariance of the last columns, and its values after one, two and three steps."""
+    """A covariance (m, m) of the last m columns, and its values after one, two and three steps."""
     last, every = np.s_[-len(matrix) :, -len(matrix) :], [matrix]
     for _ in range(3):
         every.append(geometric_mean(every[-1], observed[last], expected[last]))
@@ -314,7 +316,8 @@ class Sizes(NamedTuple):
     def scatter(
         self, causes: tuple[str, ...], others: tuple[str, ...], fall: float, like: Likelihood
     ) -> Scatter:
-        """The scatter of these sizes; no noise is smaller than the stated one."""
+        """The scatter of these sizes; no noise is smaller than the stated one. fall: the decrease
+        of -2 log L."""
         matrix, noise = self.together.matrix, like.place_noise
         covariance = matrix + (np.diag(noise**2) if self.together.is_absolute else np.eye(6))
         size = np.sqrt(np.diag(covariance))
@@ -376,6 +379,7 @@ class Scatter(NamedTuple):
         return total
 
     def size_of(self, name: str) -> float:
+        """The standard deviation of one of `NAMES`; mm, rad, s, or a fraction."""
         return float(self.sizes[NAMES.index(name)])
 
 
@@ -399,7 +403,7 @@ def covariance_factor(result: Fit) -> float:
 
 def far_unknowns(sensor: Sensor, result: Fit, far: float = FAR_SIGMAS) -> list[tuple[str, float]]:
     """Unknowns that end more than `far` prior standard uncertainties from their prior, with that
-    number, the farthest first."""
+    number, the farthest first; empty if none does."""
     distances = np.abs(result.values - values_of(sensor)[result.choice.places])
     named = zip(result.choice.names, (distances / result.choice.sigma).tolist(), strict=True)
     free = (*MOUNTING, DELAY)  # these do not belong to the sensor
@@ -461,6 +465,7 @@ class SizeProblem(NamedTuple):
         ]  # fmt: skip
 
     def cost(self, causes: tuple[str, ...]) -> float:
+        """The penalty in -2 log L for the values of the covariance that some causes need."""
         return 2 * TOGETHER_COUNT * (SUPPLY_SCATTER in causes)
 
 
@@ -492,6 +497,7 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
     several, tried = problem.several, dict[tuple[str, ...], Sizes]()
 
     def likeliest(count: int) -> tuple[str, ...]:
+        """The set of this many causes with the highest likelihood."""
         tried.update((keys, problem.sizes(keys)) for keys in several if len(keys) == count)
         return min((k for k in tried if len(k) == count), key=lambda keys: tried[keys].unlikely)
 
@@ -510,7 +516,7 @@ def estimate_scatter(problem: SizeProblem) -> Scatter:
 
 
 def add_scatter(data: Data, chosen: Choice, scatter: Scatter) -> tuple[Data, Choice]:
-    """Add the scatter to the prior uncertainties of samples and choice."""
+    """Add the scatter to the prior uncertainties of samples and choice; returns both."""
     assert data.noise is not None
     late = 0.0 if data.velocity is None else np.sqrt((data.velocity**2).mean(axis=0))
     further = np.hypot(scatter.sizes[:6], scatter.size_of(CLOCK) * late)
@@ -641,8 +647,8 @@ def robust_drift(rows: Floats, power: Floats) -> tuple[Floats, Floats, float]:
 
 
 def estimate_jitter(task: Task, start: Fit) -> float | None:
-    """The largest jitter that is about as likely as the best one; None if all of `JITTERS` are too
-    small."""
+    """The largest jitter, as a fraction of the power, that is about as likely as the best one; None
+    if all of `JITTERS` are too small."""
     priors = prior_variances(task.data, task.choice)
     priors[7:] = (task.choice.beam / OWN_UNITS[7]) ** 2
     unlikely = jitter_likelihoods(Likelihood(task, start), priors)
@@ -651,7 +657,8 @@ def estimate_jitter(task: Task, start: Fit) -> float | None:
 
 
 def jitter_likelihoods(like: Likelihood, priors: Floats) -> Floats:
-    """-2 log L of each of `JITTERS`, up to a constant.  priors: see `Likelihood.variance`."""
+    """-2 log L (jitters,) of each of `JITTERS`, up to a constant.  priors: see
+    `Likelihood.variance`."""
     unlikely = np.empty(len(JITTERS))
     for n, jitter in enumerate(JITTERS.tolist()):
         priors[6] = (jitter / OWN_UNITS[6]) ** 2

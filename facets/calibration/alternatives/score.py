@@ -79,7 +79,8 @@ def score_bases(
 
 
 def screen_bases(remainder: Remainder, columns: Floats, bases: Floats) -> Integers:
-    """The indices of the candidates that would explain most if no unknown absorbed any of it."""
+    """The indices of at most EXACT_TRIALS candidates that would explain most if no unknown absorbed
+    any of it, the best first. columns: (n, 9, q). bases: (m, n, w)."""
     turned = np.swapaxes(columns, 1, 2)
     pulled = (turned @ remainder.pulled[:, :, None])[:, :, 0]
     row_squares = np.einsum("nqi,nij,njq->nq", turned, remainder.inverse, columns)
