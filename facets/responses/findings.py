@@ -1,4 +1,7 @@
-"""Sentences on the limits of a frequency response: averages, gaps, input, leakage, noise, light."""
+"""Describe the limits of a frequency response: averages, gaps, input, leakage, noise, light.
+
+Each `*_limits` function yields the sentences on its limit, none if it does not apply.
+"""
 
 from __future__ import annotations
 
@@ -13,32 +16,33 @@ from .frequency_response import FrequencyResponse, low_pass
 if TYPE_CHECKING:
     from .signals import ResponseSignals
 
-#: Averages below which random errors are large and badly known themselves.
+#: Number of averages below which random errors are large and poorly known themselves.
 FEW_AVERAGES = 10.0
-#: A peak is resolved if its half-power width is at least this number of lines: its height is then
-#: too low by a fiftieth at most.
+#: A peak is resolved if its half-power width is at least this many lines: its height is then too
+#: low by a fiftieth at most.
 RESOLVED_LINES = 8.0
 #: A peak exceeds its surroundings by this factor, and has at least this coherence.
 PEAK_FACTOR, PEAK_COHERENCE = 3.0, 0.5
-#: Coherence is low below this: the random error is then above 0.4 of |H| over sqrt(n).
+#: Coherence below this is low: with n averages, the random error then exceeds 0.4 |H| / sqrt(n).
 LOW_COHERENCE = 0.75
 #: Fraction of the excited lines with a low coherence up to which it is not reported.
-SMALL_SHARE = 0.02
-#: The incoherent part of the output is the sensor's noise if it is at most this factor above it.
+SMALL_FRACTION = 0.02
+#: The incoherent part of the output is attributed to the sensor's noise if its density is at most
+#: this many times the noise's.
 NOISE_FACTOR = 2.0
-#: The input counts as clipped if it is at one of its ends in this fraction of the rows, and three
-#: times in succession. It must be there this many times as often as at the next value; a sine in
-#: the steps of its converter is there at most five times as often.
-CLIPPED_SHARE, CLIPPED_RATIO = 1e-3, 8.0
-#: Fraction of rows with a residual beyond chance above which the model is doubted; of right poses
-#: one in 10,000 has such a residual.
-MISFIT_SHARE = 1e-3
-#: The zero moved if the means of the first and the last tenth of the recording differ by this many
-#: usual steps between twentieths, and by this fraction of the motion's standard deviation.
-MOVED_STEPS, MOVED_SHARE = 8.0, 0.2
+#: The input counts as clipped if it is at one of its extreme values in more than this fraction of
+#: the rows, and three times in succession. It must also be there this many times as often as at the
+#: next value; for a sine in the steps of its converter, this ratio is at most five.
+CLIPPED_FRACTION, CLIPPED_RATIO = 1e-3, 8.0
+#: Fraction of rows with a residual beyond chance above which the model is doubted; one in 10,000
+#: of the correct poses has such a residual.
+MISFIT_FRACTION = 1e-3
+#: The zero moved if the means of the first and the last tenth of the recording differ enough. The
+#: limits are multiples of the median step between twentieths and of the motion's deviation.
+MOVED_STEPS, MOVED_FRACTION = 8.0, 0.2
 #: Number of bands that a sentence names.
 MAX_BANDS = 3
-#: What else lowers the coherence.
+#: Further causes of a low coherence.
 POSSIBLE_CAUSES = (
     "another force, play or a non-linear spring, peaks narrower than the lines, a jump of the "
     "zero, noise of the input's channel"
@@ -46,8 +50,9 @@ POSSIBLE_CAUSES = (
 
 
 class Peak(NamedTuple):
-    """A peak of |H1|.  axis: axis of the pose.  frequency, width: Hz, at half power.  size: |H1| at
-    the peak, mm or rad per unit of the input.  line: number of the line."""
+    """A peak of |H1|.  axis: axis of the pose.  frequency: Hz.  width: at half power, Hz.  size:
+    |H1| at the peak, mm or rad per unit of the input.  line: index in the response's frequencies.
+    """
 
     axis: str
     frequency: float
@@ -57,14 +62,16 @@ class Peak(NamedTuple):
 
 
 def find_peaks(response: FrequencyResponse) -> list[Peak]:
-    """Find the peaks of all axes together: of the sum of their |H1|^2 over the noise's.
+    """Find the peaks of the sum over all axes of |H1|^2 relative to the noise, lowest first.
 
-    An antiresonance of one axis makes none, since the others hardly have it at the same frequency.
+    The sum is used because an antiresonance of one axis, which other axes hardly have at the same
+    frequency, would otherwise look like a valley between two peaks.
     """
     from scipy import signal
 
     excited = np.flatnonzero(response.is_excited)
-    floor = np.median(response.noise_floor[excited], axis=0)  # the input's own peaks are none of H
+    # The median, because the noise floor varies with the input's own peaks.
+    floor = np.median(response.noise_floor[excited], axis=0)
     floor = np.where(np.isfinite(floor), floor, np.median(np.abs(response.h1[excited]), axis=0))
     sizes = np.abs(response.h1) / floor
     together = np.sqrt((sizes[excited] ** 2).sum(axis=1))
@@ -83,7 +90,8 @@ def find_peaks(response: FrequencyResponse) -> list[Peak]:
 
 
 def half_power_width(size: Floats, line: int) -> float:
-    """Width of the peak of |H| at a line where |H|^2 is half, in lines; interpolated."""
+    """Width of the peak of |H| (m,) at a line, between the points where |H|^2 is half of the peak's
+    value, in lines; interpolated."""
     power = (size / size[line]) ** 2
     width = 0.0
     for step in (-1, 1):
@@ -99,9 +107,9 @@ def half_power_width(size: Floats, line: int) -> float:
 def find_limits(
     response: FrequencyResponse, signals: ResponseSignals, peaks: list[Peak], bandwidth: float
 ) -> list[str]:
-    """Describe what limits a response, with the likely cause.
+    """Describe the limits of a response with their likely causes, in sentences.
 
-    bandwidth: of the electronics, Hz.
+    bandwidth: of the electronics' low pass, Hz.
     """
     return [
         *average_limits(response),
@@ -156,7 +164,7 @@ def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Itera
             "stated. Excite all frequencies at once, or let a segment hold a whole sweep, by a "
             "faster sweep or a smaller --resolution-hz."
         )
-    clipped = sum(clipped_shares(signals.stimulus[signals.usable]))
+    clipped = sum(clipped_fractions(signals.stimulus[signals.usable]))
     if clipped:
         yield (
             f"The input stays at its largest or smallest value in {100 * clipped:.2g} % of the "
@@ -165,22 +173,23 @@ def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Itera
         )
 
 
-def clipped_shares(stimulus: Floats) -> Iterator[float]:
-    """Yield the fraction of rows in which an input (n,) is clipped, for each clipped end."""
+def clipped_fractions(stimulus: Floats) -> Iterator[float]:
+    """Yield the fraction of rows in which an input (n,) is clipped, for each clipped extreme."""
     for side in (stimulus, -stimulus):
         at_end = side == side.max()
         stays = at_end[2:] & at_end[1:-1] & at_end[:-2]
         below = side[~at_end].max(initial=-np.inf)
         at_rest = side.max() == np.median(side)
         if (
-            stays.any() and not at_rest and at_end.mean() > CLIPPED_SHARE
+            stays.any() and not at_rest and at_end.mean() > CLIPPED_FRACTION
             and at_end.sum() > CLIPPED_RATIO * (side == below).sum()
         ):  # fmt: skip
             yield float(at_end.mean())
 
 
 def bands(frequency: Floats, chosen: Booleans) -> str:
-    """The widest bands of chosen lines in words: "from 1 to 4 Hz, and from 90 to 500 Hz"."""
+    """Describe the widest bands of chosen lines (m,): "from 1 to 4 Hz and from 90 to 500 Hz"; ""
+    if none is chosen."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(np.int8)))
     pairs = list(zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True))
     widest = sorted(sorted(pairs, key=lambda pair: pair[0] - pair[1])[:MAX_BANDS])
@@ -198,7 +207,7 @@ def light_limits(signals: ResponseSignals) -> Iterator[str]:
 
 
 def misfit_limits(signals: ResponseSignals) -> Iterator[str]:
-    if signals.misfits > MISFIT_SHARE * len(signals.usable):
+    if signals.misfits > MISFIT_FRACTION * len(signals.usable):
         yield (
             f"In {signals.misfits} of {len(signals.usable)} rows the residual is beyond chance, "
             "where one in 10,000 is expected: these poses do not fit the configuration, and the "
@@ -208,12 +217,12 @@ def misfit_limits(signals: ResponseSignals) -> Iterator[str]:
 
 
 def zero_limits(signals: ResponseSignals) -> Iterator[str]:
-    """A sentence on axes whose mean at the end is not that at the beginning."""
+    """A sentence on axes whose mean position changed from the beginning to the end."""
     motion = signals.motion[signals.usable]
     means = np.array([part.mean(axis=0) for part in np.array_split(motion, 20)])
     shift = means[-2:].mean(axis=0) - means[:2].mean(axis=0)
     usual = np.median(np.abs(np.diff(means, axis=0)), axis=0)
-    limit = np.maximum(MOVED_STEPS * usual, MOVED_SHARE * motion.std(axis=0))
+    limit = np.maximum(MOVED_STEPS * usual, MOVED_FRACTION * motion.std(axis=0))
     sizes = [
         f"{axis} by {short_number(unit_of(axis).fine_factor * size)} {unit_of(axis).fine_unit}"
         for axis, size, is_moved in zip(POSE, shift, np.abs(shift) > limit, strict=True)
@@ -266,21 +275,21 @@ def silence_limits(response: FrequencyResponse) -> Iterator[str]:
 
 
 def coherence_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator[str]:
-    """A sentence for each axis whose coherence is low, with the share that each cause explains."""
+    """A sentence for each axis with a low coherence and the fraction that each cause explains."""
     lines = response.is_excited
     narrow = np.zeros(len(response.frequency), bool)
     for peak in peaks:
         if peak.width < RESOLVED_LINES * response.resolution:
             near = max(peak.width, 3 * response.resolution)
             narrow |= np.abs(response.frequency - peak.frequency) <= near
-    rest = (1 - response.coherence) * response.output_density
+    incoherent = (1 - response.coherence) * response.output_density
     silent = silent_axes(response)
     for n, axis in enumerate(POSE):
         low = lines & (response.coherence[:, n] < LOW_COHERENCE)
         fraction = low.sum() / max(lines.sum(), 1)
-        if fraction <= SMALL_SHARE or silent[n]:
+        if fraction <= SMALL_FRACTION or silent[n]:
             continue
-        noisy = low & (rest[:, n] <= NOISE_FACTOR * response.noise_density[:, n])
+        noisy = low & (incoherent[:, n] <= NOISE_FACTOR * response.noise_density[:, n])
         leaking = low & ~noisy & narrow
         parts = {
             "the sensor's noise": noisy.sum() / low.sum(),
@@ -298,19 +307,19 @@ def coherence_limits(response: FrequencyResponse, peaks: list[Peak]) -> Iterator
 
 
 def silent_axes(response: FrequencyResponse) -> Booleans:
-    """Whether each axis (6,) has a coherence that is that of chance in nearly all excited lines."""
+    """Whether the coherence of each axis (6,) is not beyond chance in nearly all excited lines."""
     chance = response.coherence <= response.significant_coherence
-    is_silent: Booleans = chance[response.is_excited].mean(axis=0) >= 1 - SMALL_SHARE
+    is_silent: Booleans = chance[response.is_excited].mean(axis=0) >= 1 - SMALL_FRACTION
     return is_silent
 
 
 def bandwidth_limits(response: FrequencyResponse, bandwidth: float) -> Iterator[str]:
-    """A sentence on what the electronics' low pass does at the highest excited line."""
+    """A sentence on the effect of the electronics' low pass at the highest excited line."""
     top = float(response.frequency[response.is_excited].max())
-    passed = low_pass(np.array([top]), bandwidth)[0]
+    gain = low_pass(np.array([top]), bandwidth)[0]
     yield (
         f"The electronics' low pass of the first order at {bandwidth:.4g} Hz changes |H| by "
-        f"{100 * (abs(passed) - 1):.2g} % and the phase by {np.degrees(np.angle(passed)):.2g} "
+        f"{100 * (abs(gain) - 1):.2g} % and the phase by {np.degrees(np.angle(gain)):.2g} "
         f"degrees at {top:.4g} Hz; "
         + ("this is corrected." if response.is_corrected else
            "this is not corrected (--correct-bandwidth does so).")

@@ -1,12 +1,12 @@
 """The forms of a frequency response, by the names of ISO 7626-1.
 
-The receptance H is the displacement over the force. The mobility and the accelerance are those of
-the velocity and the acceleration,
+The receptance H is the displacement over the force. The mobility and the accelerance are the
+velocity and the acceleration over the force,
 
-    (2 pi i f)^k H,   k = 1, 2,
+    (2 pi i f)^k H,   k = 1, 2.
 
-and one over these three are the dynamic stiffness, the mechanical impedance and the apparent mass
-of a point that is free to move in all directions in which no force acts.
+The inverses of these three are the dynamic stiffness, the mechanical impedance and the apparent
+mass of a point that is free to move in all directions in which no force acts.
 """
 
 from __future__ import annotations
@@ -17,35 +17,36 @@ import numpy as np
 
 from ..core import ANGLES, KEY_UNITS, Complexes, Floats, write_micro
 
-#: Units of a displacement, a velocity and an acceleration, of a shift and of an angle.
+#: Units of a displacement, a velocity and an acceleration, each for translations and rotations.
 MOTION_UNITS = (("um", "urad"), ("mm_s", "mrad_s"), ("m_s2", "rad_s2"))
 
 
 class ResponseForm(NamedTuple):
-    """A form of a response.  order: of the displacement's derivative by time.  is_inverse: whether
-    it is the input over the motion."""
+    """A form of a response.  order: of the displacement's time derivative, 0 to 2.  is_inverse:
+    whether it is the input over the motion."""
 
     order: int = 0
     is_inverse: bool = False
 
     def convert(self, frequency: Floats, receptance: Complexes) -> Complexes:
-        """Convert receptances (m, d) at frequencies (m,) in Hz; one over zero is NaN."""
+        """Convert receptances (m, d) at frequencies (m,), Hz, to this form; NaN for the inverse of
+        zero."""
         motion = (2j * np.pi * frequency[:, None]) ** self.order * receptance
         if not self.is_inverse:
             return motion
         return np.asarray(1 / np.where(motion == 0, np.nan, motion))
 
     def unit_of(self, axis: str) -> str:
-        """The unit of an axis's response at the end of a column's name, without the input's."""
+        """The unit of an axis's motion, or "per_" and that unit, as in the name of a column."""
         unit = MOTION_UNITS[self.order][axis in ANGLES]
         return f"per_{unit}" if self.is_inverse else unit
 
     def factor(self, axis: str) -> float:
-        """Factor from mm or rad (over s, s^2), or one over these, to the unit of an axis."""
+        """Factor from mm or rad (per s, s^2), or from their inverses, to `unit_of` the axis."""
         return KEY_UNITS[self.unit_of(axis)].to_key(1.0)
 
     def unit_text(self, axis: str, unit: str) -> str:
-        """The unit of an axis's response, of an input with a unit, for people: "µm per N"."""
+        """The unit of an axis's response to an input in `unit`, for people: "µm per N"."""
         motion = write_micro(MOTION_UNITS[self.order][axis in ANGLES])
         motion = motion.replace("_s2", "/s²").replace("_s", "/s")
         if self.is_inverse:

@@ -10,15 +10,16 @@ small. The random error of |H| (Bendat and Piersol, Random Data, 4th edition, se
 
     sigma(|H|) / |H| = sqrt((1 - coherence) / (2 coherence n)),
 
-n averages; the phase has as much in rad. Here n - 1 replaces n, because the incoherent part of
-the output is itself estimated from n averages and the input's line takes one of them. Overlapping
-segments share samples: n is the number of independent segments with the same variance.
+with n averages; the phase has the same error in rad. Here n - 1 replaces n, because the incoherent
+part of the output is itself estimated from the n averages, of which the response takes one degree
+of freedom. Overlapping segments share samples: n is the number of independent segments that would
+give the same variance.
 
 With several inputs, the response to each of them is estimated from conditioned spectra (ibid.,
-chapter 7): those of this input and of the outputs without the parts due to the other inputs.
-H1, H2 and the coherence, then called partial, follow from these as above, and each other input
-takes one of the n averages. The multiple coherence is the fraction of an output's power that is
-due to all inputs together.
+chapter 7): spectra of this input and of the outputs after the parts due to the other inputs are
+removed. H1, H2 and the coherence, then called partial, follow from these as above, with n reduced
+by one for each other input. The multiple coherence is the fraction of an output's power that is due
+to all inputs together.
 """
 
 from __future__ import annotations
@@ -37,40 +38,41 @@ from .forms import RECEPTANCE, ResponseForm
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-#: Averages that the default segment length aims at.
+#: Number of averages for which the default segment length is chosen.
 DEFAULT_AVERAGES = 32.0
 #: Shortest segment, samples.
 MIN_SEGMENT_SAMPLES = 64
 #: Number of the lowest lines that are excluded: removing each segment's straight line changes them.
 SKIPPED_LINES = 2
-#: A step of the time that differs from the usual one by more than this share is a gap or a repeat.
+#: A time step that differs from the usual one by more than this fraction is a gap or a repetition.
 STEP_TOLERANCE = 0.5
 #: The times are uneven if the steps scatter by more than this fraction of a step.
 LARGEST_JITTER = 0.1
 #: The input does not excite a line if its density is below this fraction of the largest.
-EXCITED_SHARE = 1e-4
-#: An input is periodic if it correlates with itself a period later by this or more.
-PERIODIC_LIKENESS = 0.98
+EXCITED_FRACTION = 1e-4
+#: An input is periodic if its correlation with itself a period later is at least this.
+PERIODIC_CORRELATION = 0.98
 #: Responses to several inputs are separated if at least this fraction of an input's power is
 #: independent of the others, in the median line.
-SEPARATE_SHARE = 1e-3
+SEPARATE_FRACTION = 1e-3
 INSEPARABLE = (
-    "an input goes with the other inputs at most frequencies (coherence above "
-    f"{1 - SEPARATE_SHARE:g}), so that their responses cannot be told apart; drive the body by "
-    "forces that are independent of each other, or name one input"
+    "an input follows the other inputs at most frequencies (coherence above "
+    f"{1 - SEPARATE_FRACTION:g}), so that their responses cannot be distinguished; drive the body "
+    "by forces that are independent of each other, or name one input"
 )
-#: The input passes through the frequencies, if a line has input in this share or less of the
-#: segments that have any, in the median line; of a random input, a half.
-SLOW_INPUT_SHARE = 0.25
-#: Segments that are transformed at once.
+#: The input passes through the frequencies (a sweep) if a line has input in less than this fraction
+#: of the segments with any input; the fraction is a half for a random input.
+SWEEP_FRACTION = 0.25
+#: Number of segments that are transformed at once, which bounds the memory.
 SEGMENTS_AT_ONCE = 64
 
 
 class Stretches(NamedTuple):
-    """Evenly spaced samples without a gap.
+    """Stretches of evenly spaced samples without a gap.
 
-    rate: Hz.  starts, stops: (k,) rows of each stretch.  span: samples from the first to the last
-    with those that are missing.  unsolved: rows without a number.
+    rate: of sampling, Hz.  starts, stops: (k,) first row of each stretch, and the row after its
+    last.  span: number of samples from the first row to the last, missing ones included.  unsolved:
+    number of rows without a pose or an input.
     """
 
     rate: float
@@ -81,12 +83,12 @@ class Stretches(NamedTuple):
 
 
 class OutputChannel(NamedTuple):
-    """How the outputs were measured.
+    """Properties of the measurement of the outputs.
 
     deviation: (d,) standard deviations of the outputs' own noise in one sample, None if unknown.
     bandwidth: of the electronics' low pass of the first order, Hz.  is_corrected: whether responses
-    are divided by its transmission.  delay: from the instant of an output's sample to that of the
-    stimulus, s, which is corrected.
+    are divided by its transmission.  delay: time by which the stimulus was sampled later than the
+    outputs of the same row, s; it is corrected.
     """
 
     deviation: Floats | None = None
@@ -104,17 +106,19 @@ PERFECT_CHANNEL = OutputChannel()
 class FrequencyResponse:
     """Responses of d outputs to one input at m frequencies.
 
-    frequency: (m,) Hz.  h1, h2: (m, d) complex, output's unit per input's unit.  coherence: (m, d).
-    input_density: (m,), output_density: (m, d), unit^2/Hz.  noise_density: (m, d) of the outputs'
-    own noise, NaN where not known.  averages: number of independent averages.  segments: number
-    of segments.  left_out: segments that a gap prevented.  resolution: distance of lines, Hz.
+    frequency: (m,) Hz.  h1, h2: (m, d) complex, unit of the output per unit of the input.
+    coherence: (m, d).  input_density: (m,), output_density: (m, d), unit^2/Hz.  noise_density: (m,
+    d) density of the outputs' own noise, NaN if unknown.  averages: number of independent averages.
+    segments: number of segments.  left_out: number of segments that gaps prevented.  resolution:
+    distance of lines, Hz.
+
     input_share: (m,) number of segments with input at a line, over the number with any input; both
-    as the number of equal segments whose mean would scatter as much.  is_corrected: whether the
-    electronics' low pass is divided out, of the densities of output and noise, too.  period: of a
-    periodic input, s, to whose lines the frequencies are
-    restricted; else 0.  form: of h1 and h2; densities are always those of displacements.
-    multiple_coherence: (m, d) with all of several inputs; then input, output, h1, h2 and coherence
-    are those without the parts that go with the other inputs. None of a single input.
+    are numbers of equal segments whose mean would scatter as much.  is_corrected: whether the
+    electronics' low pass is divided out, also of the densities of outputs and noise.  period: of a
+    periodic input, s, at whose lines alone the responses are given; else 0.  form: of h1 and h2;
+    densities are always of displacements.  multiple_coherence: (m, d) of an output with all inputs,
+    None for a single input. With several, the input, the outputs, h1, h2 and the coherence exclude
+    the parts due to the other inputs.
     """
 
     frequency: Floats
@@ -142,21 +146,21 @@ class FrequencyResponse:
 
     @property
     def random_error(self) -> Floats:
-        """Relative standard uncertainty of |H| (m, d), which is also that of the phase in rad; NaN
-        of an input that is not stationary, since then segments do not scatter by chance alone."""
+        """Relative standard uncertainty of |H| (m, d), and standard uncertainty of the phase, rad;
+        NaN if the input is not stationary, because segments then differ not only by chance."""
         error: Floats = np.sqrt((1 - self.coherence) / (self.coherence * self.freedom))
         return error if self.is_stationary else np.full_like(error, np.nan)
 
     @property
     def mean_input_share(self) -> float:
-        """The `input_share` where the input's power is: leakage and noise of other lines are in all
-        segments."""
+        """Mean `input_share`, weighted by the input's density, because lines without input have
+        leakage and noise in all segments."""
         return float(np.average(self.input_share, weights=self.input_density))
 
     @property
     def is_stationary(self) -> bool:
-        """Whether the lines have input at the same times, and not one after the other."""
-        return self.mean_input_share >= SLOW_INPUT_SHARE
+        """Whether all lines have input at the same time instead of one after the other."""
+        return self.mean_input_share >= SWEEP_FRACTION
 
     @property
     def freedom(self) -> float:
@@ -176,33 +180,33 @@ class FrequencyResponse:
 
     @property
     def noise_floor(self) -> Floats:
-        """|H1| (m, d) that the outputs' own noise alone gives, root mean square; one over that of
-        an inverse form."""
+        """Root mean square |H1| (m, d) that the outputs' own noise alone would cause, in the
+        response's form."""
         floor = np.sqrt(self.noise_density / self.input_density[:, None] / self.averages)
         return np.abs(self.form.convert(self.frequency, floor))
 
     @property
     def significant_coherence(self) -> float:
-        """The coherence that an output without any relation to the input exceeds in 0.1 % of the
+        """Coherence that an output independent of the input exceeds by chance in 0.1 % of the
         lines."""
         return float(1 - 0.001 ** (1 / max(self.averages - 1, 1e-9)))
 
     @property
     def is_excited(self) -> Booleans:
-        """Lines (m,) at which the input has power."""
-        lines: Booleans = self.input_density >= EXCITED_SHARE * self.input_density.max()
+        """Whether the input has power at each line (m,)."""
+        lines: Booleans = self.input_density >= EXCITED_FRACTION * self.input_density.max()
         return lines
 
     def to_frame(self) -> DataFrame:
-        """The columns of `response_table` as a data frame of pandas."""
+        """Return the columns of `response_table` as a pandas data frame."""
         return make_frame(response_table(self))
 
 
 def find_stretches(time: Floats, usable: Booleans, name: str) -> Stretches:
-    """Find the stretches of rows (n,) without a gap.
+    """Find the stretches of rows without a gap.
 
-    time: (n,) s.  usable: (n,) whether a row has all numbers.  name: for messages. Raises
-    `InputError` for times that do not ascend or are uneven.
+    time: (n,) s.  usable: (n,) whether a row has a pose and an input.  name: name of the data, for
+    messages. Raises `InputError` for too few rows, and for times that do not ascend or are uneven.
     """
     if len(time) < 2 * MIN_SEGMENT_SAMPLES or usable.sum() < 2 * MIN_SEGMENT_SAMPLES:
         raise InputError(
@@ -233,9 +237,9 @@ def find_stretches(time: Floats, usable: Booleans, name: str) -> Stretches:
 
 
 def find_period(stimulus: Floats, stretches: Stretches) -> int:
-    """Period of an input (n,) in samples, by its autocorrelation; 0 of one that is not periodic.
+    """Find the period of an input (n,), in samples, by its autocorrelation; 0 if there is none.
 
-    Two periods at least must lie in the longest stretch.
+    At least two periods must lie in the longest stretch.
     """
     from scipy.signal import correlate
 
@@ -248,24 +252,26 @@ def find_period(stimulus: Floats, stretches: Stretches) -> int:
     if not len(x) or np.ptp(x) == 0:
         return 0
     x = x - x.mean()
-    most = len(x) // 2
-    ahead = correlate(x, x, method="fft")[len(x) - 1 :][: most + 1]
+    max_lag = len(x) // 2
+    products = correlate(x, x, method="fft")[len(x) - 1 :][: max_lag + 1]
     power = np.concatenate([[0.0], np.cumsum(x**2)])
-    lags = np.arange(most + 1)
-    both = np.sqrt(power[len(x) - lags] * (power[-1] - power[lags]))
-    alike = ahead / np.maximum(both, 1e-300)
-    begin = int(np.argmax(alike < PERIODIC_LIKENESS / 2))
-    if not begin or alike[begin:].max() < PERIODIC_LIKENESS:
+    lags = np.arange(max_lag + 1)
+    scale = np.sqrt(power[len(x) - lags] * (power[-1] - power[lags]))
+    correlation = products / np.maximum(scale, 1e-300)
+    begin = int(np.argmax(correlation < PERIODIC_CORRELATION / 2))
+    if not begin or correlation[begin:].max() < PERIODIC_CORRELATION:
         return 0
-    first = begin + int(
-        np.argmax(alike[begin:] >= alike[begin:].max() - (1 - PERIODIC_LIKENESS) / 10)
-    )
-    near = alike[first : first + 1 + max(2, first // 100)]
-    return first + int(np.argmax(near))
+    threshold = correlation[begin:].max() - (1 - PERIODIC_CORRELATION) / 10
+    first = begin + int(np.argmax(correlation[begin:] >= threshold))
+    peak = correlation[first : first + 1 + max(2, first // 100)]
+    return first + int(np.argmax(peak))
 
 
 def segment_starts(stretches: Stretches, length: int, hop: int | None = None) -> list[Integers]:
-    """First rows of segments that begin every `hop` rows, by stretch; half-overlapping if None."""
+    """First rows of segments of `length` rows, by stretch.
+
+    hop: rows from one segment's begin to the next; None: half the length.
+    """
     hop = hop or length // 2
     return [
         start + hop * np.arange((stop - start - length) // hop + 1)
@@ -278,18 +284,19 @@ def count_averages(starts: Sequence[Integers], window: Floats) -> float:
     """Number of independent averages of overlapping segments (Welch 1967)."""
     hop = len(window) // 2
     products = [float(window[: len(window) - n * hop] @ window[n * hop :]) for n in (1, 2)]
-    shares = [(values / float(window @ window)) ** 2 for values in products]
+    overlaps = [(product / float(window @ window)) ** 2 for product in products]
     count = sum(len(values) for values in starts)
     pairs = sum(
         2 * overlap * max(len(values) - n, 0)
         for values in starts
-        for n, overlap in enumerate(shares, 1)
+        for n, overlap in enumerate(overlaps, 1)
     )
     return count**2 / (count + pairs) if count else 0.0
 
 
 def choose_length(stretches: Stretches) -> int:
-    """Segment length, samples, that gives about `DEFAULT_AVERAGES`; shorter if gaps need it."""
+    """Choose a segment length, samples, for about `DEFAULT_AVERAGES` averages; with gaps, it is
+    shorter if this leaves fewer than half of them."""
     from scipy.fft import next_fast_len
     from scipy.signal import get_window
 
@@ -305,7 +312,11 @@ def choose_length(stretches: Stretches) -> int:
 
 
 def segment_length(stretches: Stretches, resolution: float | None, period: int) -> int:
-    """Segment length, samples: of the resolution, or chosen; whole periods of a periodic input."""
+    """Segment length, samples, for a resolution in Hz, or chosen if None.
+
+    period: of the input, samples, of which a segment holds a whole number; 0: none. Raises
+    `InputError` for a resolution that is not positive.
+    """
     if resolution is not None and not 0 < resolution < np.inf:
         raise InputError(f"a resolution of {resolution:g} Hz is none; allowed: above 0")
     if not period:
@@ -317,10 +328,11 @@ def segment_length(stretches: Stretches, resolution: float | None, period: int) 
 
 
 def noise_spectrum(frequency: Floats, deviation: Floats, rate: float, bandwidth: float) -> Floats:
-    """One-sided density (m, d) of sampled noise of standard deviations (d,) at frequencies (m,).
+    """One-sided densities (m, d) of sampled noise with standard deviations (d,), unit^2/Hz.
 
-    White noise behind a low pass of the first order with the corner `bandwidth` (Hz), sampled at
-    the rate; aliases included. It is white if the corner is far above the rate.
+    frequency: (m,) Hz.  rate: of sampling, Hz.  bandwidth: corner of the low pass of the first
+    order that the white noise passes before it is sampled, Hz; far above the rate, the samples'
+    noise is white. Aliases are included.
     """
     memory = np.exp(-2 * np.pi * bandwidth / rate)
     shape = (1 - memory**2) / (1 - 2 * memory * np.cos(2 * np.pi * frequency / rate) + memory**2)
@@ -329,7 +341,10 @@ def noise_spectrum(frequency: Floats, deviation: Floats, rate: float, bandwidth:
 
 
 def low_pass(frequency: Floats, bandwidth: float) -> Complexes:
-    """Transmission (m,) of a low pass of the first order at frequencies (m,), Hz."""
+    """Complex transmission (m,) of a low pass of the first order at frequencies (m,), Hz.
+
+    bandwidth: its corner, Hz.
+    """
     return np.asarray(1 / (1 + 1j * frequency / bandwidth))
 
 
@@ -341,11 +356,12 @@ def estimate_response(
     channel: OutputChannel = PERFECT_CHANNEL,
     others: Floats | None = None,
 ) -> FrequencyResponse:
-    """Estimate the responses of outputs (n, d) to a stimulus (n,), by rows of `stretches`.
+    """Estimate the responses of outputs (n, d) to a stimulus (n,) in the rows of `stretches`.
 
-    resolution: distance of lines, Hz; chosen for about 32 averages if None.  channel: how the
-    outputs were measured.  others: (n, q) other inputs, whose parts are taken out. Raises
-    `InputError` if there are not two averages, or if the stimulus follows the others.
+    resolution: distance of lines, Hz; chosen for about 32 averages if None.  channel: properties of
+    the outputs' measurement.  others: (n, q) other inputs, whose contributions are removed. Raises
+    `InputError` for fewer than two averages, an input that is constant, or a stimulus that follows
+    the other inputs.
     """
     others = np.empty((len(stimulus), 0)) if others is None else others
     period = 0 if others.size else find_period(stimulus, stretches)
@@ -362,11 +378,11 @@ def estimate_response(
             )
     spectra = separate_spectra(np.column_stack([stimulus, others]), outputs, options)
     lines = np.arange(SKIPPED_LINES, len(spectra.frequency))
-    if period:  # elsewhere there is neither force nor leakage, only noise
+    if period:  # Other lines have neither input nor leakage, only noise.
         power = spectra.g_xx[1:]
-        lines = 1 + np.flatnonzero(power >= EXCITED_SHARE * power.max())
+        lines = 1 + np.flatnonzero(power >= EXCITED_FRACTION * power.max())
     chosen = Spectra(*(values[lines] for values in spectra))  # type: ignore[arg-type]
-    frequency, g_xx, g_xy, g_yy, input_share, shares = chosen
+    frequency, g_xx, g_xy, g_yy, input_share, independent = chosen
     factor = np.exp(2j * np.pi * frequency * channel.delay)[:, None]
     if channel.is_corrected:
         factor = factor / low_pass(frequency, channel.bandwidth)[:, None]
@@ -380,17 +396,18 @@ def estimate_response(
         frequency, h1, h2, coherence, g_xx, gain * g_yy, density, rate, averages,
         len(options.starts), left_out, rate / length, input_share, channel.is_corrected,
         period / rate,
-        multiple_coherence=1 - (1 - coherence) * shares if others.size else None,
+        multiple_coherence=1 - (1 - coherence) * independent if others.size else None,
     )  # fmt: skip
 
 
 def choose_segments(
     stretches: Stretches, resolution: float | None, period: int, others: int
 ) -> tuple[SegmentOptions, float, int]:
-    """Choose the segments, and return with them the number of independent averages less one
-    for each other input, and the number of segments that gaps prevent.
+    """Choose the segments.
 
-    period: of the input, samples; 0 if it has none.
+    Returns them with the number of independent averages, reduced by `others`, and the number of
+    segments that gaps prevent.  resolution: Hz.  period: of the input, samples; 0: none.  others:
+    number of other inputs. Raises `InputError` for fewer than two averages, or too short segments.
     """
     from scipy.signal import get_window
 
@@ -425,7 +442,8 @@ def choose_segments(
 
 
 class SegmentOptions(NamedTuple):
-    """How segments are transformed.  starts: their first rows.  detrend: "constant" or "linear"."""
+    """Segments and their transform.  starts: (k,) first rows.  window: (length,) weights.  rate:
+    of sampling, Hz.  detrend: "constant" or "linear", the part that is removed."""
 
     starts: Integers
     window: Floats
@@ -434,36 +452,42 @@ class SegmentOptions(NamedTuple):
 
 
 class Spectra(NamedTuple):
-    """Densities at frequencies (m,) of an input (m,), of it and each output (m, d), and of the
-    outputs (m, d).  input_share: (m,) as in `FrequencyResponse`.  shares: (m, d) of the outputs'
-    power that do not go with other inputs."""
+    """Spectral densities at frequencies (m,), Hz.
+
+    g_xx: (m,) of the input.  g_xy: (m, d) cross densities of input and outputs.  g_yy: (m, d) of
+    the outputs.  input_share: (m,) as in `FrequencyResponse`.  independent: (m, d) fraction of an
+    output's power that is independent of the other inputs.
+    """
 
     frequency: Floats
     g_xx: Floats
     g_xy: Complexes
     g_yy: Floats
     input_share: Floats
-    shares: Floats
+    independent: Floats
 
 
 def separate_spectra(inputs: Floats, outputs: Floats, options: SegmentOptions) -> Spectra:
     """Average the spectra of the first of the inputs (n, q) and of the outputs (n, d), and remove
-    from both the parts due to the other inputs."""
+    the parts due to the other inputs from both.
+
+    Raises `InputError` if the first input follows the others, or these follow each other.
+    """
     q = inputs.shape[1]
     cross, autos, input_share = average_spectra(np.column_stack([inputs, outputs]), q, options)
     power = autos[:, 0]
     rest, chosen = cross[:, 1:, 1:q], np.delete(cross[:, 1:], np.arange(1, q), axis=2)
-    try:  # of the first input and the outputs, over each other input
+    try:  # responses of the first input and of the outputs to the other inputs
         parts = np.linalg.solve(rest, chosen)
     except np.linalg.LinAlgError:
         raise InputError(INSEPARABLE) from None
-    taken = (chosen.conj() * parts).sum(axis=1).real  # of the powers, by the other inputs
-    g_xx = power - taken[:, 0]
-    excited = power >= EXCITED_SHARE * power.max()
-    if np.median(g_xx[excited] / power[excited]) < SEPARATE_SHARE:
+    explained = (chosen.conj() * parts).sum(axis=1).real  # powers due to the other inputs
+    g_xx = power - explained[:, 0]
+    excited = power >= EXCITED_FRACTION * power.max()
+    if np.median(g_xx[excited] / power[excited]) < SEPARATE_FRACTION:
         raise InputError(INSEPARABLE)
     g_xy = cross[:, 0, q:] - np.einsum("mr,mrd->md", chosen[:, :, 0].conj(), parts[:, :, 1:])
-    g_yy = autos[:, q:] - taken[:, 1:]
+    g_yy = autos[:, q:] - explained[:, 1:]
     frequency = np.asarray(np.fft.rfftfreq(len(options.window), 1 / options.rate), np.float64)
     with np.errstate(invalid="ignore"):  # an output may be zero in all rows
         return Spectra(frequency, g_xx, g_xy, g_yy, input_share, g_yy / autos[:, q:])
@@ -485,22 +509,22 @@ def average_spectra(
         powers = np.abs(spectra) ** 2
         cross = np.einsum("kmi,kmd->mid", spectra[:, :, :inputs].conj(), spectra)
         values = cross, powers.sum(axis=0), (powers[:, :, 0] ** 2).sum(axis=0)
-        sums = [total + some for total, some in zip(sums, values, strict=True)]
+        sums = [total + value for total, value in zip(sums, values, strict=True)]
         energy.append(powers[:, :, 0].sum(axis=1))
-    sides = np.full((length // 2 + 1, 1), 2.0)  # but at zero, and at half the rate
+    sides = np.full((length // 2 + 1, 1), 2.0)  # 1 only at zero and at half the rate
     sides[0] = 1.0
     if length % 2 == 0:
         sides[-1] = 1.0
     scale = sides / (options.rate * (options.window**2).sum() * count)
-    each = np.concatenate(energy)
-    segments = each.sum() ** 2 / (each**2).sum()
+    energies = np.concatenate(energy)
+    segments = energies.sum() ** 2 / (energies**2).sum()
     input_share = sums[1][:, 0] ** 2 / np.maximum(sums[2], 1e-300) / segments
     return scale[:, None] * sums[0], scale * sums[1], input_share
 
 
 def segment_spectra(signals: Floats, options: SegmentOptions) -> Complexes:
-    """Fourier transforms (k, m, d) of the segments of signals (n, d), without their straight lines
-    or means and under the window."""
+    """Fourier transforms (k, m, d) of the segments of signals (n, d), after their means or straight
+    lines are removed and the window is applied."""
     from scipy.signal import detrend
 
     pieces = signals[options.starts[:, None] + np.arange(len(options.window))]
@@ -509,13 +533,13 @@ def segment_spectra(signals: Floats, options: SegmentOptions) -> Complexes:
 
 
 def response_table(response: FrequencyResponse) -> dict[str, Floats]:
-    """The responses as columns, in the units of their form: a row for each frequency."""
+    """Columns of a response in the units of its form, with a row for each frequency."""
     columns: dict[str, Floats] = {
         "frequency_hz": response.frequency,
         "input_density": response.input_density,
         "excited": response.is_excited.astype(np.float64),
     }
-    several = response.multiple_coherence
+    multiple = response.multiple_coherence
     for n, axis in enumerate(POSE):
         unit, scale = response.form.unit_of(axis), response.form.factor(axis)
         columns |= {
@@ -525,7 +549,7 @@ def response_table(response: FrequencyResponse) -> dict[str, Floats]:
             f"h2_{axis}_imag_{unit}": scale * response.h2[:, n].imag,
             f"u_h1_{axis}_{unit}": scale * response.uncertainty[:, n],
             f"coherence_{axis}": response.coherence[:, n],
-            **({} if several is None else {f"multiple_coherence_{axis}": several[:, n]}),
+            **({} if multiple is None else {f"multiple_coherence_{axis}": multiple[:, n]}),
             f"noise_{axis}_{unit}": scale * response.noise_floor[:, n],
         }
     return columns

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 Columns = dict[str, NDArray[Any]]
-#: A larger number is no measured input: its powers overflow.
+#: Rows with a larger input are excluded: it is no measurement, and its square would overflow.
 LARGEST_INPUT = 1e30
 
 
@@ -54,10 +54,10 @@ class ResponseSignals:
     """Signals of n rows for a frequency response.
 
     stimulus: (n,) the input.  others: (n, q) the other inputs.  motion: (n, 6) displacement of the
-    object from its mean pose, in its own axes there, mm and rad.  usable: (n,) whether a row has
-    all of them.  deviation: (6,) standard deviation of the motion by the sensor's noise in one
-    sample; NaN if not known.  saturated, misfits: numbers of rows with a saturated detector, and
-    with a residual beyond chance.
+    object from its mean pose, in the object's axes there, mm and rad.  usable: (n,) whether a row
+    has all of them.  deviation: (6,) standard deviation of one sample of the motion due to the
+    sensor's noise, mm and rad; NaN if unknown.  saturated: number of rows with a saturated
+    detector.  misfits: number of rows with a residual beyond chance.
     """
 
     stimulus: Floats
@@ -71,9 +71,9 @@ class ResponseSignals:
 
 
 def read_signal_table(path: Source, inputs: Sequence[str]) -> Columns:
-    """Read the columns of a table that a frequency response to inputs needs.
+    """Read from a table the columns that a frequency response to inputs needs.
 
-    Raises `InputError` without a column of times, of a pose or of an input.
+    Raises `InputError` if a column of times, of the pose or of an input is missing.
     """
     optional = (*TIMES, "host_s", *STATE_COLUMNS[6:], "flags", "misfit")
     parts = [chunk.columns for chunk in
@@ -118,7 +118,8 @@ def build_signals(
 
 
 def describe_input(config: Config, column: str) -> tuple[float, str]:
-    """The delay of the input's samples, s, and the input's unit; 0 and by its name by default."""
+    """The delay, s, and the unit of the input in a column; without a configured channel, 0 and the
+    unit in the column's name."""
     for channel in config.acquire.channels:
         if channel.column == column:
             return channel.delay, "" if channel.unit == "1" else channel.unit
@@ -126,8 +127,11 @@ def describe_input(config: Config, column: str) -> tuple[float, str]:
 
 
 def noise_deviation(config: Config, state: Floats, used: Booleans, body: MeasuredObject) -> Floats:
-    """Standard deviation (6,) of an object's displacement by the readings' noise of the detectors
-    used (3,) in one sample at a state (8,); NaN where the sensor does not determine the pose."""
+    """Standard deviation (6,) of one sample of an object's displacement due to the readings' noise,
+    mm and rad, at a state (8,); NaN where the sensor does not determine the pose.
+
+    used: (3,) whether each detector is used.
+    """
     sensor = config.sensor
     plan = make_plan(sensor, config.solve.knowledge(sensor), config.solve.method)
     propagation = propagate(sensor, None, state[None], used[None], plan)
@@ -153,7 +157,7 @@ def measure_response(
     column
         The column of the input, such as force_n.
     resolution_hz
-        Distance of the frequencies; by default for about 32 averages.
+        Distance of the frequencies, Hz; by default chosen for about 32 averages.
 
     Returns
     -------
@@ -191,11 +195,11 @@ def respond(
     resolution_hz: float | None,
     is_corrected: bool = False,
 ) -> tuple[ResponseSignals, FrequencyResponse]:
-    """Estimate the receptances of the six axes to the first of the inputs, without the parts due to
-    the others.
+    """Estimate the receptances of the six axes for the first of the inputs, with the contributions
+    of the others removed; returned with the signals.
 
-    name: name of the columns' source, for messages.  is_corrected: whether the electronics' low
-    pass is divided out.
+    name: name of the columns' source, for messages.  resolution_hz: distance of lines; chosen if
+    None.  is_corrected: whether the electronics' low pass is divided out.
     """
     signals = build_signals(columns, inputs, config, name)
     delay, _ = describe_input(config, inputs[0])

@@ -1,8 +1,8 @@
 """Write frequency response functions as a universal file (UFF) for programs of modal analysis.
 
-Dataset 151 is the header, 164 the units (SI), 15 the node, and dataset 58, "function at nodal
-degree of freedom", is there for each response (function type 4) and each coherence (type 6), of
-several inputs the partial one.
+Dataset 151 is the header, 164 the units (SI), 15 the node. A dataset 58, "function at nodal degree
+of freedom", follows for each response (function type 4) and each coherence (type 6), which is the
+partial coherence if there are several inputs.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from .frequency_response import FrequencyResponse
 #: Types of data in a universal file.
 FREQUENCY, DISPLACEMENT, VELOCITY, ACCELERATION, FORCE, UNKNOWN = 18, 8, 11, 12, 13, 0
 FRF, COHERENCE = 4, 6
-#: The type of a motion by its derivative, and what that adds to its SI unit.
+#: Type of a motion and the end of its SI unit, by the order of its time derivative.
 MOTIONS = ((DISPLACEMENT, ""), (VELOCITY, "/s"), (ACCELERATION, "/s^2"))
-#: By the ending of the input's column: its type, its SI unit, and one of it in that unit.
+#: Type of an input, its SI unit and the factor to this unit, by the ending of its column.
 INPUTS = {
     "n": (FORCE, "N", 1.0), "mn": (FORCE, "N", 1e-3), "kn": (FORCE, "N", 1e3),
     "m_s2": (ACCELERATION, "m/s^2", 1.0), "mm_s2": (ACCELERATION, "m/s^2", 1e-3),
@@ -34,8 +34,8 @@ DIRECTIONS = {name: n for n, name in enumerate(POSE, 1)}
 
 
 class Node(NamedTuple):
-    """The point at which responses were measured.  number: its number in the model of the
-    structure.  place: (3,) mm."""
+    """The point at which responses were measured.  number: of the node in the model of the
+    structure.  place: (3,) coordinates, mm."""
 
     number: int
     place: Sequence[float]
@@ -43,7 +43,7 @@ class Node(NamedTuple):
 
 class InputChannel(NamedTuple):
     """The input of the responses.  column: its column in the table, with the unit at its end.
-    node, direction: its degree of freedom, as `read_input_dof` gives it; 0, 0 if not known."""
+    node, direction: its degree of freedom, as `read_input_dof` returns it; 0, 0 if unknown."""
 
     column: str
     node: int = 0
@@ -51,14 +51,17 @@ class InputChannel(NamedTuple):
 
 
 def input_type(column: str) -> tuple[int, str, float]:
-    """Type of an input's column by the unit at its end: code, SI unit, and factor to that."""
+    """Code, SI unit and factor to this unit of an input, by the unit at the end of its column."""
     words = column.lower().split("_")
     endings = ("_".join(words[n:]) for n in range(1, len(words)))
     return next((INPUTS[ending] for ending in endings if ending in INPUTS), (UNKNOWN, "NONE", 1.0))
 
 
 def read_input_dof(text: str) -> tuple[int, int]:
-    """Read "2:-tz" as the node and the direction (6: +Z rotation, -3: -Z translation)."""
+    """Parse "2:-tz" as the node and the direction (6: +Z rotation, -3: -Z translation).
+
+    Raises `InputError` for any other form.
+    """
     match = re.fullmatch(rf"(\d{{1,7}}):([+-]?)({'|'.join(POSE)})", text.strip())
     if match is None:
         raise InputError(
@@ -75,9 +78,9 @@ def write_universal_file(
     node: Node,
     about: Mapping[str, str],
 ) -> None:
-    """Write responses of the pose of a node, the point of interest, to one or several inputs.
+    """Write responses of a node, the point of interest, to one or several inputs.
 
-    about: provenance.
+    about: provenance of the responses, by key.
     """
     pyuff = require_extra("pyuff", f"--uff {path}")
     sets = [*head_sets(node, about)]
@@ -120,11 +123,11 @@ def function_set(
     node: Node,
     about: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Dataset 58 of one axis: its response in m or rad (over s, s^2) per SI unit of the input, or a
-    coherence.
+    """Dataset 58 of one axis: its response in m or rad (per s, s^2) per SI unit of the input, or
+    its coherence.
 
-    Lines from 0 Hz on, as methods by inverse transforms need them; those that are not estimated,
-    below the first one and where a periodic input has none, are zero.
+    The lines begin at 0 Hz, which methods by inverse transforms require. Lines that are not
+    estimated, at low frequencies and between the lines of a periodic input, are zero.
     """
     kind, unit, scale = input_type(stimulus.column)
     n, step = POSE.index(axis), response.resolution
@@ -146,7 +149,7 @@ def function_set(
         "id2": f"{response.averages:.1f} averages, {window} window, {step:.6g} Hz; facets"[:80],
         "id3": about.get("made", "NONE")[:80],
         "id4": about.get("config", "NONE")[:80],
-        "id5": f"Not estimated below {response.frequency[0]:.6g} Hz, where it stands as zero"[:80],
+        "id5": f"Not estimated below {response.frequency[0]:.6g} Hz, where it is zero"[:80],
         "rsp_ent_name": "NONE", "rsp_node": node.number, "rsp_dir": DIRECTIONS[axis],
         "ref_ent_name": "NONE", "ref_node": stimulus.node, "ref_dir": stimulus.direction,
         "abscissa_spacing": 1, "abscissa_spec_data_type": FREQUENCY,

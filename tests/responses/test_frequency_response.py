@@ -183,7 +183,7 @@ def test_what_cannot_be_estimated_is_refused(shaken):
         "allowed: above 0": [{"resolution": value} for value in (0.0, -5.0, np.nan)],
         "gaps cut the rows into parts of 0 samples at most": [{"stretches": cut}],
         "the input does not change": [{"stimulus": np.ones(len(force))}],
-        "cannot be told apart": [
+        "cannot be distinguished": [
             {"others": force[:, None] + 1e-3 * other}, {"others": np.hstack([other, 2 * other])},
         ],
     }.items():  # fmt: skip
