@@ -113,7 +113,8 @@ def join_tables(
 def samples_at_offset(
     readings: Path, columns: dict[str, Floats], track: Track, offset: float, settings: Calibrate
 ) -> Data:
-    """The samples with the reference's poses and their derivatives at an offset."""
+    """The samples with the reference's poses and their derivatives at an offset, s; velocities and
+    accelerations are absent for a table of dwells."""
     joined, velocity, acceleration = add_reference(columns, track, offset)
     data = gather_samples(readings, joined, settings)
     if settings.dwells:  # at rest
@@ -133,7 +134,7 @@ def remaining_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
 
 
 def usable_rows(columns: dict[str, Floats]) -> NDArray[np.bool_]:
-    """Whether each row of the table is one that `gather_samples` keeps."""
+    """Whether each row of the table, (rows,), is one that `gather_samples` keeps."""
     raw = np.column_stack([columns[name] for name in READING_COLUMNS])
     good = np.asarray(np.isfinite(raw).any(axis=1))
     for name in BEAM:
@@ -143,6 +144,7 @@ def usable_rows(columns: dict[str, Floats]) -> NDArray[np.bool_]:
 
 
 def check_overlap(readings: Path, time: Floats, reference: Path, track: Track) -> None:
+    """Raise `InputError` if the readings and the reference have no time in common."""
     low, high = float(np.nanmin(time)), float(np.nanmax(time))
     first, last = float(track.time[0]), float(track.time[-1])
     if high <= first or low >= last:
@@ -154,8 +156,8 @@ def check_overlap(readings: Path, time: Floats, reference: Path, track: Track) -
 
 
 def find_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tuple[float, float]:
-    """The offset at which the reference's motion agrees best with the solved poses, and their
-    likeness."""
+    """The offset, s, at which the reference's motion agrees best with the solved poses, and their
+    likeness; an offset of 0 if the likeness is not above LEAST_LIKENESS."""
     time, pose = some_poses(sensor, columns)
     shared = min(np.nanmax(time), track.time[-1]) - max(np.nanmin(time), track.time[0])
     width = min(OFFSET_SHARE * shared, LARGEST_OFFSET_S)
@@ -178,7 +180,8 @@ def some_poses(sensor: Sensor, columns: dict[str, Floats]) -> tuple[Floats, Floa
 
 
 def likeness(time: Floats, pose: Floats, track: Track, offset: float) -> float:
-    """The fraction of the reference's motion that the solved poses explain at an offset.
+    """The fraction of the reference's motion that the solved poses explain at an offset, s; 0 if
+    the two have fewer than 20 poses in common.
 
     It is found by linear regression on all six axes, because a sensor that is not calibrated mixes
     them.

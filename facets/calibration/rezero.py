@@ -255,7 +255,8 @@ def read_stops(path: Path, settings: Config, dwells: bool) -> StopReadings:
 
 
 def average_stop(sensor: Sensor, columns: Mapping[str, Floats], name: str) -> StopReadings:
-    """The one stop of columns of readings; see `stop_readings`."""
+    """The one stop of columns of readings; see `stop_readings`. Raises `InputError` if a
+    temperature that the sensor needs is missing."""
     raw = np.column_stack([columns[column] for column in READING_COLUMNS])
     if sensor.thermal.is_on and TEMPERATURE_COLUMN not in columns:
         raise InputError(
@@ -268,7 +269,8 @@ def average_stop(sensor: Sensor, columns: Mapping[str, Floats], name: str) -> St
 def add_temperature(
     sensor: Sensor, stops: StopReadings, columns: Mapping[str, Floats], name: str
 ) -> StopReadings:
-    """The stops of the source `name` with their mean temperatures, for a sensor that follows it."""
+    """The stops of the source `name` with their mean temperatures, for a sensor that follows it.
+    Raises `InputError` if a stop has none."""
     if not sensor.thermal.is_on:
         return stops
     each = np.array_split(columns[TEMPERATURE_COLUMN], len(stops.mean))
@@ -410,6 +412,7 @@ class StopComparison:
         return self.change_sensor(change), states
 
     def predict(self, change: Floats) -> Floats:
+        """The readings (stops, 9), mm and mW, after changes since the calibration."""
         return readings(*self.situation(change))
 
     def derivatives(self, change: Floats, names: tuple[str, ...]) -> Floats:

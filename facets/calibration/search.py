@@ -127,7 +127,7 @@ def fold_equations(sensor: Sensor, data: Data, result: Fit, chosen: Choice) -> F
 
 
 def values_for(sensor: Sensor, result: Fit) -> Floats:
-    """The values of a fit for a sensor whose coating was added after that fit."""
+    """The values (ALL,) of a fit for a sensor whose coating was added after that fit."""
     every, nominal = result.all_values.copy(), values_of(sensor)
     for name in ("coating.n", "coating.k", "light.polarization"):
         if name in EFFECTS and name not in result.choice.names:
@@ -136,7 +136,7 @@ def values_for(sensor: Sensor, result: Fit) -> Floats:
 
 
 def start_values(sensor: Sensor, result: Fit, wider: Choice) -> Floats:
-    """The values at which a fit with a wider choice begins, from those of a fit."""
+    """The values (ALL,) at which a fit with a wider choice begins, from those of a fit."""
     every = values_for(sensor, result)
     if ROLLOFF_WIDTH in wider.names and not every[PLACE[ROLLOFF_WIDTH]]:
         every[PLACE[ROLLOFF_WIDTH]] = ROLLOFF_WIDTH_START_MM
@@ -298,6 +298,7 @@ class SearchState:
 
     @property
     def accepted_keys(self) -> set[str]:
+        """The keys of the effects that were accepted."""
         return {key for key, row in self.rows.items() if row.accepted}
 
     def fit_again(self) -> Fit:

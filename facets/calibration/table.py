@@ -73,7 +73,7 @@ def read(path: Path, settings: Calibrate) -> Data:
 
 
 def read_columns(path: Path, settings: Calibrate) -> dict[str, Floats]:
-    """Read the columns of `read`."""
+    """Read the columns of `read`, (rows,) each. Raises `InputError` if some are missing."""
     of_beam = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
     needed = (*READING_COLUMNS, *(REFERENCE[n] for n in measured))
@@ -93,7 +93,7 @@ def whole_table(
     path: Path, needed: tuple[str, ...], optional: tuple[str, ...]
 ) -> dict[str, Floats]:
     """Read columns of a table into memory; where `time_s` is missing, the times of a recording
-    replace it."""
+    replace it. Raises `InputError` if the table is empty or lacks a needed column."""
     chunks = []
     others = tuple(name for name in needed if name != "time_s")
     times = ("time_s", "host_s", "board_us")
@@ -134,11 +134,12 @@ def recording_time(host: Floats, board: Floats) -> Floats:
 def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Data:
     """Make samples from columns, without rows that lack a pose or any reading.
 
-    Raises `InputError` if fewer than 10 remain.
+    columns: (rows,) each. Raises `InputError` if fewer than 10 remain.
     """
     count = len(next(iter(columns.values())))
 
     def stack(names: tuple[str, ...]) -> Floats:
+        """The columns of these names side by side, (rows, names); zeros for one that is missing."""
         return np.column_stack([columns.get(name, np.zeros(count)) for name in names])
 
     noise = rows = None
@@ -174,8 +175,8 @@ def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) 
 def averaged_columns(
     path: Path, columns: dict[str, Floats], settings: Calibrate
 ) -> tuple[dict[str, Floats], Floats, Floats]:
-    """Means of the columns over each dwell of the reference, the noise of the mean readings, and
-    the number of rows in each dwell.
+    """Means of the columns over each dwell of the reference, the noise (dwells, 9) of the mean
+    readings, and the numbers (dwells,) of rows in them.
 
     Raises `InputError` where the reference has fewer than ten dwells.
     """
@@ -358,6 +359,7 @@ def choose_groups(sensor: Sensor, settings: Calibrate, groups: Sequence[str]) ->
 
 
 def facet_sigmas(letter: str, before: dict[str, float]) -> dict[str, float]:
+    """Prior standard uncertainties of a facet's angles by name, rad."""
     return {
         f"facet_{letter}.{name}": before.get("facet_mrad", 0) / 1000
         for name in ("inclination", "azimuth")
@@ -365,6 +367,8 @@ def facet_sigmas(letter: str, before: dict[str, float]) -> dict[str, float]:
 
 
 def detector_sigmas(letter: str, psd: Psd, before: dict[str, float]) -> dict[str, float]:
+    """Prior standard uncertainties of a detector's parameters by name, mm, rad, mW and
+    fractions."""
     place, scale = before.get("psd_place_mm", 0), before.get("scale_percent", 0) / 100
     sigma = {f"psd_{letter}.{name}": place for name in ("radius", "height")}
     sigma[f"psd_{letter}.azimuth"] = place / psd.radius
@@ -394,7 +398,8 @@ def mounting_sigmas(before: dict[str, float]) -> dict[str, float]:
 
 
 def split(data: Data, fraction: float) -> tuple[Data, Data]:
-    """Split samples into those to fit and, evenly between them, the fraction to hold back."""
+    """Split samples, in their order, into those to fit and, evenly between them, the fraction to
+    hold back."""
     number = np.arange(len(data.raw))
     held = np.floor((number + 1) * fraction) > np.floor(number * fraction)
     return data.part(~held), data.part(held)
@@ -434,7 +439,7 @@ def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
 
 
 def standard_uncertainties(result: Fit, names: Sequence[str]) -> Floats:
-    """The standard uncertainty of each named parameter, in the units of the code.
+    """The standard uncertainty (names,) of each named parameter, in mm, rad, mW or fractions.
 
     Parameters of the sensor have the uncertainties of the covariance that is written, which
     includes errors that the fit does not see. Unknowns of the motion, such as the mirror's place on
@@ -449,7 +454,7 @@ def standard_uncertainties(result: Fit, names: Sequence[str]) -> Floats:
 
 
 def unknowns_table(nominal: Sensor, result: Fit) -> dict[str, NDArray[Any]]:
-    """A table of each unknown's change and uncertainties.
+    """A table of each unknown's change and uncertainties, in the units of its column `unit`.
 
     The mount's angles are excluded, because the facets' changes and uncertainties include them.
     """
@@ -468,7 +473,7 @@ def unknowns_table(nominal: Sensor, result: Fit) -> dict[str, NDArray[Any]]:
 
 
 def parameter_table(nominal: Sensor, result: Fit, made: Sensor) -> dict[str, NDArray[Any]]:
-    """A table of the parameters of the calibrated sensor `made`.
+    """A table of the parameters of the calibrated sensor `made`, in the units of its column `unit`.
 
     place: the parameter's place in the order of `Sensor.calibration`.
     """

@@ -203,7 +203,7 @@ def add_open_bends(
     """The calibrated sensor whose uncertainty includes bends of the detectors that are not in the
     fit, as far as the samples allow them: mostly over places that no spot reached.
 
-    sigma: prior standard uncertainties of the bends.
+    sigma: prior standard uncertainties of the bends by name, mm.
     """
     calibration, result = sensor.calibration, remainder.fit
     assert calibration is not None
@@ -247,7 +247,7 @@ def add_unseen_errors(
 
 
 def replace_covariance(sensor: Sensor, names: tuple[str, ...], matrix: Floats) -> Sensor:
-    """The calibrated sensor with another covariance, of these names."""
+    """The calibrated sensor with another covariance (names, names), of these names."""
     assert sensor.calibration is not None
     rows = tuple(map(tuple, matrix.tolist()))
     calibration = replace(sensor.calibration, names=names, covariance=rows)
@@ -422,6 +422,7 @@ def validation_table(nominal: Sensor, result: Fit, held: Data) -> dict[str, NDAr
 
 
 def rms(values: Floats) -> Floats:
+    """The root of the mean square of each column; NaN values are ignored."""
     root: Floats = np.sqrt(np.nanmean(values**2, axis=0))
     return root
 
@@ -512,6 +513,7 @@ def fitted_parts(task: Task, result: Fit) -> tuple[dict[str, Floats], list[str]]
     prior = np.where(task.is_known, 0.0, own_information(task.own_sigma))
 
     def part_of(unknowns: slice) -> Floats:
+        """The part of the covariance (p, p) that these own unknowns cause."""
         some: Floats = np.einsum(
             "npk,k,nqk->pq", rows[:, :, unknowns], prior[unknowns], rows[:, :, unknowns]
         )

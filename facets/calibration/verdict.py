@@ -120,6 +120,7 @@ class Verdict:
 
     @property
     def is_trusted(self) -> bool:
+        """Whether there is a sensor and no finding forbids its use."""
         return self.sensor is not None and not any(finding.bad for finding in self.findings)
 
     def refuse(self) -> Verdict:
@@ -191,6 +192,7 @@ class Screened:
 
     @property
     def is_refused(self) -> bool:
+        """Whether a finding on the columns forbids a calibration."""
         return any(finding.bad for finding in self.findings)
 
     def undo(self, fault: Explanation) -> Screened:
@@ -243,6 +245,7 @@ class Plain:
     promising: bool
 
     def is_better_than(self, other: Plain) -> bool:
+        """Whether this fit converged and the other did not, or its chi-square is clearly lower."""
         if not self.fit.ended and other.fit.ended:
             return False
         factor = LEAST_CURE if other.fit.ended else 1.0
@@ -250,6 +253,7 @@ class Plain:
 
     @property
     def original(self) -> Data:
+        """The samples as they were read, before causes were undone."""
         return self.screened.original or self.screened.fitted
 
     def refusal(self, reasons: list[Finding], done: EffectSearch | None = None) -> Verdict:
@@ -265,6 +269,7 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
     robust = settings.outliers
 
     def fit_without_outliers(choice: Choice) -> tuple[Data, Fit, list[int]]:
+        """Fit a choice; returns the samples without outliers, the fit and the rows excluded."""
         result = fit(sensor, screened.fitted, choice, robust)
         return exclude_outliers(sensor, screened.fitted, result, robust)
 
@@ -329,7 +334,8 @@ def undo_large_causes(
 def follow_temperature(
     sensor: Sensor, plain: Plain, every: list[Candidate], robust: float | None
 ) -> Plain:
-    """The plain fit with the likeliest delay of the beam and the places behind the temperature."""
+    """The plain fit with the likeliest delay of the beam and the places behind the temperature. The
+    same fit for a table without temperature."""
     if plain.data.pasts is None:
         return plain
     wide = add_cheap_candidates(every, plain.fit.choice)
@@ -488,6 +494,7 @@ def settled_findings(
 
 
 def unsettled_finding(result: Fit) -> Finding:
+    """The finding, which refuses the calibration, on a fit that did not converge."""
     return Finding(True, f"The fit did not converge in {result.steps} steps: {result.cause}.")
 
 
@@ -514,7 +521,8 @@ def largest_by_chance(counts: Floats, probability: float) -> Floats:
 
 
 def validation_findings(errors: dict[str, NDArray[Any]]) -> list[Finding]:
-    """A finding on the errors of poses from held-back samples, see `validation_table`."""
+    """A finding on the errors of poses from held-back samples, see `validation_table`; empty if
+    they are as small as stated."""
     with np.errstate(invalid="ignore"):
         over = errors["robust"] / errors["stated"]
     measured = np.flatnonzero(np.isfinite(over))

@@ -134,7 +134,8 @@ def find_singular_state(sensor: Sensor, near: Floats) -> Floats | None:
 
 
 def narrow_down(sensor: Sensor, near: Floats, far: Floats, sign: float) -> Floats:
-    """Find the singular state between two states whose determinants have different signs."""
+    """Find the singular state (8,) between two states (8,) whose determinants have different signs.
+    sign: that at `near`."""
     for _ in range(40):
         middle = (near + far) / 2
         same = np.sign(measures(sensor, middle[None], spectra=False)[0, 0]) == sign

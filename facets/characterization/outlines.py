@@ -62,7 +62,7 @@ class Boundary:
 
     @property
     def extent(self) -> Floats:
-        """Width and height of the outline."""
+        """Width and height (2,) of the outline, in mm or rad like its axes."""
         size: Floats = np.ptp(self.points, axis=0)
         return size
 
@@ -80,6 +80,7 @@ def grid_points(x: Floats, y: Floats) -> Floats:
 
 
 def tolerances(axes: Sequence[str]) -> Floats:
+    """The outline's tolerance along each axis, mm or rad."""
     return np.array([TOLERANCE_RAD if name in ANGLES else TOLERANCE_MM for name in axes])
 
 
@@ -146,6 +147,7 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
     fine = tolerances(axes)
 
     def follow(angles: Floats, scale: Floats, precise: float) -> tuple[Floats, Any]:
+        """Points (n, 2) at which rays leave the range, and the causes (n,)."""
         rays = np.zeros((len(angles), 6))
         rays[:, columns] = np.stack([np.cos(angles), np.sin(angles)], axis=1) * scale
         exits = find_exits(sensor, rules, pose, rays, precise)
@@ -167,8 +169,8 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
 def refine_outline(
     follow: Callable[[Floats, Floats, float], tuple[Floats, Any]], scale: Floats, fine: Floats
 ) -> tuple[Floats, Any]:
-    """Points of an outline from rays of the lengths `scale`, with their causes; rays are added
-    until chords between points are within the tolerances `fine`.
+    """Points (n, 2) of an outline from rays of the lengths `scale`, mm or rad, with their causes
+    (n,); rays are added until chords between points are within the tolerances `fine`.
 
     follow: points and causes of rays by their angles, lengths and tolerance.
     """
@@ -190,7 +192,7 @@ def refine_outline(
 
 
 def chord_distance(point: Floats, a: Floats, b: Floats) -> Floats:
-    """Distances of points from the line through a and b."""
+    """Distances (n,) of points (n, 2) from the lines through a and b (n, 2)."""
     chord = b - a
     length = np.maximum(np.hypot(*chord.T), 1e-300)
     off: Floats = np.abs(chord[:, 0] * (point - a)[:, 1] - chord[:, 1] * (point - a)[:, 0]) / length

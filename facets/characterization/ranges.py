@@ -209,9 +209,11 @@ def find_exits(
     """
 
     def margins_at(distance: Floats, ray: Integers) -> Floats:
+        """The margins (n, 5) at distances (n,) along the rays of these numbers."""
         return clearances(sensor, start + distance[:, None] * rays[ray], rules)
 
     def signs_at(distance: Floats, ray: Integers) -> Floats:
+        """The signs (n,) of the determinant at distances (n,) along the rays of these numbers."""
         return determinant_signs(sensor, start + distance[:, None] * rays[ray], rules)
 
     limited = np.isfinite([rules.condition, *rules.coarsest]).any()
@@ -248,6 +250,7 @@ def first_exits(
     from scipy.optimize.elementwise import find_root
 
     def least_margin(distance: Floats, ray: Integers) -> Floats:
+        """The least margin at distances of any shape along the rays of these numbers."""
         return least_of_rows(margins_at(distance.ravel(), ray.ravel())).reshape(distance.shape)
 
     def look(distance: Floats, ray: Integers) -> Floats:
@@ -290,14 +293,15 @@ def first_exits(
 
 
 def is_outside(rows: Floats) -> NDArray[np.bool_]:
-    """Whether places are outside the range; rows: those of `first_exits`."""
+    """Whether places (n,) are outside the range; rows: those of `first_exits`."""
     heights = rows[:, HEIGHTS : (HEIGHTS + rows.shape[1]) // 2]
     return ~(least_of_rows(heights) > 0)
 
 
 def doubtful_places(rows: Floats, tolerance: float) -> tuple[Floats, Integers]:
-    """Places between those of `rows`, and their rays, where a margin may be negative: where its
-    tangents from both sides meet below zero, or halfway between different signs."""
+    """Places (m,) between those of `rows`, and the numbers (m,) of their rays, where a margin may
+    be negative: where its tangents from both sides meet below zero, or halfway between different
+    signs."""
     near, far = rows[:-1], rows[1:]
     open_ = (near[:, RAY] == far[:, RAY]) & (far[:, PLACE] - near[:, PLACE] > 4 * tolerance)
     near, far = near[open_], far[open_]
@@ -329,6 +333,7 @@ class AxisRange:
 
     @property
     def total(self) -> float:
+        """The width of the range, mm or rad."""
         return self.high - self.low
 
     @property
@@ -355,7 +360,7 @@ def require_inside(sensor: Sensor, rules: Rules, start: ArrayLike) -> Floats:
 
 
 def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
-    """The requirement of a limit, its value at a pose, and the key that sets it."""
+    """The requirement of a limit, its value at a pose (6,), and the key that sets it."""
     if cause == LIGHT:
         return light_remedy(sensor, rules, start)
     if cause == SATURATED:
@@ -373,7 +378,7 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
 
 
 def light_remedy(sensor: Sensor, rules: Rules, start: Floats) -> str:
-    """The remedy for too little light."""
+    """The remedy for too little light at a pose (6,), as a text."""
     powers = np.nan_to_num(readings(sensor, states_of(start[None], rules))[0, 2::3])
     required, other = least_light(sensor, rules.snr), other_light(sensor)
     weakest = int((powers - required).argmin())

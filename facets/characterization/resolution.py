@@ -172,7 +172,8 @@ def add_power_column(sensor: Sensor, rows: Floats, weighted: Floats) -> Floats:
 
 
 def prior_sigmas(knowledge: Knowledge) -> tuple[float, float]:
-    """Prior standard uncertainties of the position, mm, and of the power, mW."""
+    """Prior standard uncertainties of the position, mm, and of the power, mW. Raises `InputError`
+    if they differ along x and y."""
     beam, power = as_floats(knowledge.beam_sigma, "sigma"), knowledge.power_sigma
     if beam.size > 1 and (beam != beam.flat[0]).any():
         raise InputError(
@@ -261,6 +262,7 @@ def worst_states(sensor: Sensor, rules: Rules, how: Estimator, halves: Floats) -
         return states_of((INSIDE * shares * halves[:, None]).reshape(-1, 6), rules)
 
     def look(shares: Floats) -> Floats:
+        """The standard uncertainty of each axis at its states; -1 where there is none."""
         sigma = uncertainties(sensor, states(shares), how, rules.object).reshape(
             *shares.shape[:2], 6
         )
@@ -307,14 +309,17 @@ class Resolution:
 
     @property
     def nominal(self) -> Floats:
+        """Standard uncertainties (6,) at rest, mm and rad."""
         return total(self.budget)
 
     @property
     def worst(self) -> Floats:
+        """Standard uncertainties (6,) at the worst pose on the axes, mm and rad."""
         return total(self.worst_budget)
 
     @property
     def worst_in_box(self) -> Floats:
+        """Standard uncertainties (6,) at the worst state of the box, mm and rad."""
         return total(self.box_budget)
 
     def coverage(self, probability: float) -> tuple[tuple[Floats, Floats], ...]:

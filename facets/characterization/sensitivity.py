@@ -29,7 +29,8 @@ SIGMAS_OF_95_PERCENT = 1.959963984540054
 def sensitivity(
     table: dict[str, NDArray[Any]], names: list[str], objectives: list[str]
 ) -> dict[str, dict[str, Index]]:
-    """First-order Sobol indices of each objective by each variable.
+    """First-order Sobol indices of each objective by each variable, by their names; empty if fewer
+    than MIN_DESIGNS designs are possible.
 
     table: columns of completely evaluated designs; impossible designs may be among them. An index
     is an estimate, so that a small one can be below zero, within its interval.
@@ -48,8 +49,8 @@ def sensitivity(
 
 
 def index_of(x: Floats, y: Floats, rng: np.random.Generator) -> Index:
-    """The index of y by the variable x, with its interval from repeated draws of half of the
-    designs."""
+    """The index of y (designs,) by the variable x (designs,), with its interval from repeated draws
+    of half of the designs."""
     halves = [rng.choice(len(x), size=len(x) // 2) for _ in range(RESAMPLES)]
     scatter = np.std([first_order(x[half], y[half]) for half in halves], ddof=1)
     return Index(first_order(x, y), float(SIGMAS_OF_95_PERCENT * scatter))

@@ -136,7 +136,7 @@ def survey(
     sensor: Sensor,
     chunks: Iterator[Floats],
 ) -> Survey:
-    """Measure all states chunk by chunk."""
+    """Measure all states, chunk by chunk of states (n, 8)."""
     result: Survey | None = None
     for states in chunks:
         values = measures(sensor, states)
@@ -156,7 +156,7 @@ def survey(
 
 
 def empty_survey(offset: Floats, values: Floats) -> Survey:
-    """A survey whose classes cover the first chunk and a margin."""
+    """A survey without counts whose classes cover the first chunk and a margin."""
     with np.errstate(invalid="ignore"):
         top = float(offset.max(initial=0.0)) * 1.02 or 1.0
         ends = [extent_of(values[:, 0]), extent_of(values[:, 1])]
@@ -173,7 +173,8 @@ def empty_survey(offset: Floats, values: Floats) -> Survey:
 
 
 def extent_of(values: Floats) -> tuple[float, float]:
-    """An interval from zero to beyond the largest values, or on both sides of zero."""
+    """An interval from zero to beyond the largest values, or on both sides of zero. It is 0 to 1 if
+    no value is finite."""
     finite = values[np.isfinite(values)]
     if len(finite) == 0:
         return 0.0, 1.0
@@ -217,6 +218,7 @@ def search_weakest(sensor: Sensor, domain: StateBox, seed: int = 1) -> Worst:
         return domain.states(points)
 
     def least(shares: Floats) -> Floats:
+        """The least singular value at parts of the box's width; 1e9 where it has none."""
         values = measures(sensor, states_at(shares.reshape(len(wide), -1)))[:, 1]
         size: Floats = np.nan_to_num(values, nan=1e9)
         return size if shares.ndim == 2 else size[0]
@@ -248,7 +250,7 @@ MIN_NAMED_PART = 0.25
 
 
 def direction_in_words(direction: Floats) -> str:
-    """Name the parts of the state that move along a direction."""
+    """Name the parts of the state that move along a direction (8,), of unit length."""
     if not np.isfinite(direction).all():
         return "a state without light, in every direction"
     large = np.abs(direction) > MIN_NAMED_PART

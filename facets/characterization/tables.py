@@ -57,7 +57,8 @@ def resolution_columns(
 
 
 def noise_columns(densities: Sequence[PoseDensity]) -> dict[str, Floats]:
-    """Amplitude densities and Allan deviations, one row for each estimator and axis; um, urad."""
+    """Amplitude densities and Allan deviations, one row for each estimator and axis; um/sqrt(Hz)
+    and urad/sqrt(Hz), um and urad."""
     fine = np.array([unit_of(name).fine_factor for name in POSE])
     return {
         f"density_{name}_per_rthz": np.concatenate([fine * d.amplitude(f) for d in densities])
@@ -69,6 +70,7 @@ def noise_columns(densities: Sequence[PoseDensity]) -> dict[str, Floats]:
 
 
 def resolution_row(row: Resolution, i: int) -> dict[str, Any]:
+    """The row of the axis i of a table of resolutions, um and urad."""
     unit = unit_of(POSE[i])
     shares = {
         f"share_of_{s.replace(' ', '_')}": row.shares[i, n] for n, s in enumerate(row.sources)
@@ -101,6 +103,7 @@ def trial_columns(results: dict[str, PropagationResult]) -> dict[str, Any]:
 
 
 def trial_row(number: int, where: str, result: PropagationResult, i: int) -> dict[str, Any]:
+    """The row of the axis i in a table of trials, um and urad. number, where: of the pose."""
     unit, linear = unit_of(POSE[i]), result.linear
     factor, place = unit.fine_factor, linear.pose[0, i]
     digits, undecided = result.validate()

@@ -69,7 +69,7 @@ def regularity(matrix: Intervals) -> tuple[float, Floats, Floats]:
     """The margin by which |1 - C M| shrinks a positive vector, for every M in the intervals.
 
     If it is above 0, every matrix in the intervals is regular. Returns the margin, rounded down, C
-    and the vector.
+    (k, k) and the vector (k,). The margin is minus infinity if the midpoint of M is not finite.
     """
     middle = middles(matrix)
     size = len(middle)

@@ -1,4 +1,4 @@
-"""Boxes of poses, low and high (6,), and their division."""
+"""Boxes of poses, low and high (6,), mm and rad, and their division."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ class ProvedPiece(NamedTuple):
 
 
 def proved_piece(low: Floats, high: Floats, at_least: float) -> ProvedPiece:
+    """The record of a box of poses over which the determinant's magnitude is at least this."""
     return ProvedPiece(tuple(low.tolist()), tuple(high.tolist()), at_least)
 
 

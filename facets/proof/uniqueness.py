@@ -261,7 +261,8 @@ def prove_pieces(
 def halves_of(
     low: Floats, high: Floats, jacobian: Centred | None, box: StateBox
 ) -> list[tuple[Floats, Floats]]:
-    """Halve a piece across the axis that changes its Jacobian most, or else the light's shares."""
+    """Halve a piece across the axis that changes its Jacobian most, or else the light's shares;
+    returns the low and high ends (6,) of both."""
     levers = share_levers(box) if jacobian is None else jacobian.levers()
     return cut_in_two(low, high, levers)
 

@@ -75,13 +75,13 @@ class Arrival:
         self.apart = math.inf
 
     def begin(self, place: Floats) -> None:
-        """Start with a stage at a place; from now on only `send` moves it."""
+        """Start with a stage at a place (2,), mm; from now on only `send` moves it."""
         self.goals = deque([(-math.inf, place)])
         self.places = deque([(-math.inf, place)])
         self.offset, self.apart = None, math.inf
 
     def send(self, place: Floats, now: float) -> None:
-        """Note a command that the stage has accepted."""
+        """Note a command, to a place (2,), mm, that the stage has accepted at a time, s."""
         self.goals.append((now, place))
 
     def complaint(self, now: float, place: Floats) -> str:
@@ -129,5 +129,5 @@ class Arrival:
 
 
 def words(place: Floats) -> str:
-    """Format a place to a micrometre."""
+    """Format a place (2,), mm, to a micrometre."""
     return "({:.3f}, {:.3f})".format(*place)

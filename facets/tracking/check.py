@@ -60,6 +60,7 @@ class Axis(NamedTuple):
 
     @property
     def sentence(self) -> str:
+        """The result of the check of this axis as a sentence."""
         return (
             f"{self.name}: the beam moves by {self.scale:+.3f} of the commanded way, and by "
             f"{self.across:+.3f} of it along the other axis, {1e3 * self.delay:.1f} ms later"
@@ -147,7 +148,8 @@ class StageCheck(Tracker):
         return self.envelope.latched == STALLED and self.envelope.stops <= MAX_STALLS
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
-        """Look at the light, and continue the current move by a small part."""
+        """Look at the light, and continue the current move by a small part. It latches the stage if
+        the check must end."""
         if self.is_complete:
             return
         if reason := self.reason_to_end(good, now):

@@ -6,6 +6,9 @@
         check_driver(lambda: MyDriver(my_simulator), settings, my_simulator.wait, my_simulator.now)
 
 The stage must be free to move: a simulator, or hardware with space around it.
+
+Each check raises `AssertionError`, with what is wrong, if a driver fails it; places (2,) are in mm,
+times in s.
 """
 
 from __future__ import annotations
@@ -60,6 +63,7 @@ def check_driver(
 
 
 def check_parts(driver: Driver) -> None:
+    """Check that the driver has all methods of the contract."""
     lacks = [part for part in PARTS if not callable(getattr(driver, part, None))]
     assert not lacks, f"the driver has no {', '.join(lacks)}"
 

@@ -76,6 +76,7 @@ class Law:
 
     @classmethod
     def from_sensor(cls, sensor: Sensor, settings: Settings) -> Law:
+        """The control law for a sensor and the settings of its stage."""
         beam = sensor.beam
         inverse = np.asarray(np.linalg.inv(slope_of_error(sensor)))
         return cls(settings, inverse, beam.power, max(beam.diameter_x, beam.diameter_y))
@@ -116,7 +117,7 @@ class Law:
         return place
 
     def observe(self, time: float, apex: Floats) -> None:
-        """Update the mirror's speed from its place at a time, s."""
+        """Update the mirror's speed (2,), mm/s, from its place (2,), mm, at a time, s."""
         if self.last is not None and time > self.last[0]:
             passed = time - self.last[0]
             weight = min(1.0, passed / SPEED_AVERAGING_S)
@@ -126,7 +127,8 @@ class Law:
         self.last = time, apex.copy()
 
     def predict_apex(self, now: float) -> Floats:
-        """The predicted place of the apex when the stage has executed a command of a time, s."""
+        """The predicted place (2,) of the apex, mm, when the stage has executed a command of a
+        time, s."""
         assert self.last is not None
         time, apex = self.last
         s = self.settings  # a command lasts for one period, on average half of one more
@@ -135,7 +137,8 @@ class Law:
         return place
 
     def limit(self, target: Floats, beam: Floats) -> Floats:
-        """Limit a command by step, speed and soft limits."""
+        """Limit a command to a place (2,), mm, by step, speed and soft limits. beam: the beam's
+        place (2,)."""
         return Limits.from_settings(self.settings).hold(target, beam)
 
     def forget(self) -> None:
@@ -163,6 +166,7 @@ class Margin:
 
     @property
     def words(self) -> str:
+        """The margin in words: gain, delay and the largest speed of the mirror."""
         loop = (
             "no loop to become unstable"
             if self.times == float("inf")

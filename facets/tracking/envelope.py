@@ -104,6 +104,8 @@ class Envelope:
         self._prepare()
 
     def _prepare(self) -> None:
+        """Open the permit and the heartbeat, and prepare the driver; stop the stage and raise again
+        if anything fails."""
         s = self.settings
         try:
             if self.permit is ALWAYS and s.permit:
@@ -139,7 +141,8 @@ class Envelope:
         return self.encoder
 
     def _refuse_place(self, place: Floats) -> None:
-        """Raise `StageError` for a place that is not finite or lies outside the soft limits."""
+        """Raise `StageError` for a place, mm, that is not finite or lies outside the soft
+        limits."""
         if np.shape(place) != (2,) or not np.isfinite(place).all():
             raise StageError(f"the stage's driver gives an invalid position: {place}")
         low = np.array(self.limits.low) - POSITION_SLACK_MM
@@ -165,8 +168,11 @@ class Envelope:
         return np.clip(speed, -s.max_speed, s.max_speed)
 
     def _compare_reference(self, last: Floats, place: Floats) -> None:
-        """Refuse every resume of a stage that is not where it was before its line was closed, nor
-        where it was sent then: its soft limits may have moved with its reference."""
+        """Refuse every resume if the stage's place is neither that before its line was closed nor
+        one that it was sent to then.
+
+        last, place: (2,), mm, before and after. The soft limits may have moved with the reference.
+        """
         sent = [goal for _, goal in (*self.arrival.goals, *filter(None, [self.sent]))]
         if (
             distance_to_box(place, np.array([last, *sent])) > self.arrival.slack
@@ -194,7 +200,8 @@ class Envelope:
             self.latch(complaint)
 
     def compare(self, time: float, beam: Floats) -> None:
-        """Stop a stage whose encoder disagrees with the beam's place by the readings of a time."""
+        """Stop a stage whose encoder disagrees with the beam's place (2,), mm, by the readings of a
+        time, s."""
         if self.encoder and not self.latched and np.isfinite(beam).all():
             self._require(self.arrival.compare(self.clock(), beam, self.encoder, time))
 
@@ -228,7 +235,8 @@ class Envelope:
         return self._send(held, now)
 
     def _allow(self, target: Floats, now: float, narrow: Limits) -> Floats | None:
-        """The allowed place nearest to `target`; None if no command is allowed now."""
+        """The allowed place (2,) nearest to `target`, mm; None if no command is allowed now. Raises
+        `StageError` for a target that is not finite."""
         at = self.encoder
         if not np.isfinite(target).all():
             raise StageError("the stage was to be sent to a position that is not a number")
@@ -242,6 +250,7 @@ class Envelope:
         return self._limit_speed(held, now, at, min(narrow.speed, self.limits.speed))
 
     def _send(self, held: Floats, now: float) -> Floats:
+        """Send the stage to a place (2,), mm, without a further check, and return it."""
         self.moving, self.sent = True, (now, held)
         self._driver.move(held)
         self.beat = self.clock()
@@ -249,7 +258,8 @@ class Envelope:
         return held
 
     def _limit_speed(self, held: Floats, now: float, at: Encoder, speed: float) -> Floats:
-        """Limit a command to the distance from the last one that the allowed speed covers."""
+        """Limit a command (2,), mm, to the distance from the last one that the allowed speed
+        covers."""
         period = 1 / self.settings.rate
         last, passed = at.place, period
         if self.sent is not None:

@@ -47,11 +47,13 @@ class Permit:
     was_lost = False
 
     def read(self, now: float) -> bool | None:
-        """Whether the permit is given now; None while that is unknown."""
+        """Whether the permit is given now; None while that is unknown. Raises `StageError` if it
+        cannot be read."""
         return True
 
     def allows_motion(self, now: float) -> bool | None:
-        """Read the permit; False from its first loss on, even if it has come back."""
+        """Read the permit; False from its first loss on, even if it has come back. None while that
+        is unknown."""
         is_given = self.read(now)
         self.was_lost |= is_given is False
         return False if self.was_lost else is_given
@@ -73,7 +75,7 @@ class BoardPermit(Permit):
         self.time, self.on = time, on
 
     def read(self, now: float) -> bool | None:
-        """The flag of the newest samples, while they are fresh."""
+        """The flag of the newest samples, while they are fresh; None when they are older."""
         return self.on if now - self.time <= self.stale else None
 
 
@@ -84,7 +86,7 @@ class FilePermit(Permit):
         self.path = path
 
     def read(self, now: float) -> bool | None:
-        """Whether the file contains 1."""
+        """Whether the file contains 1; False if it cannot be read."""
         try:
             return self.path.read_bytes().strip() == b"1"
         except OSError:
@@ -106,7 +108,7 @@ class CardLine(Permit):
         self.name, self.high = name, False
 
     def read(self, now: float) -> bool | None:
-        """Whether the input is high."""
+        """Whether the input is high. Raises `StageError` if it cannot be read."""
         try:
             return bool(self.task.read())
         except Exception as error:
@@ -167,6 +169,8 @@ class Heartbeat:
         return self.is_sent and now - self.since >= ENABLE_S
 
     def send(self, may_move: bool) -> bool:
+        """Send a heartbeat to the board or, if the stage may move, toggle the output or count in
+        the file; return whether it was sent."""
         if self.kind == "board":
             return self.to_board(heartbeat_frame(self.count, may_move))
         if not may_move:

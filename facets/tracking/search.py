@@ -76,7 +76,7 @@ class Search:
         return self.goal
 
     def place_by_light(self, place: Floats, towards: Floats) -> Floats:
-        """The place of the mirror by the light."""
+        """The place (2,) of the mirror by the light, mm. Too many reversals set `outcome`."""
         self.limits, self.centre = self.full, None  # the spiral begins where the light is lost
         way, self.angle = towards - place, 0.0
         self.reversals += self.way is not None and bool(way @ self.way < 0)
@@ -86,6 +86,7 @@ class Search:
         return towards
 
     def place_in_dark(self, place: Floats, home: Floats) -> Floats:
+        """The next place (2,), mm, without light: the way's end, `home`, or the spiral."""
         self.limits = self.narrow
         if self.centre is None:
             self.centre = (home if self.way is None else place).copy()
@@ -95,10 +96,11 @@ class Search:
 
     @property
     def radius(self) -> float:
+        """The radius of the spiral at the present angle, mm."""
         return TURN_SPACING_MM * self.angle / (2 * pi)
 
     def next_on_spiral(self) -> Floats:
-        """The next place of the spiral, within the soft limits."""
+        """The next place (2,) of the spiral, mm, within the soft limits."""
         assert self.centre is not None
         self.angle += self.step / hypot(self.radius, TURN_SPACING_MM / (2 * pi))
         at = self.centre + self.radius * np.array([cos(self.angle), sin(self.angle)])

@@ -37,7 +37,7 @@ class StageModel:
         self.jammed = self.braking = False
 
     def command(self, place: Floats) -> None:
-        """Start a move after the latency."""
+        """Start a move to a place (2,), mm, after the latency."""
         self.waiting.append((self.now + self.settings.latency, np.array(place, dtype=float)))
 
     @property

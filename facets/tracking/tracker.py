@@ -186,6 +186,8 @@ class Tracker:
     def screen_sample(
         self, taken: float, came: float, powers: Floats, apex: Floats, beam: Floats
     ) -> Sample:
+        """Make a sample with the reason to doubt it, empty for a good one. taken, came: times, s.
+        powers: (3,), mW. apex, beam: (2,), mm."""
         doubt, needs_pose = "", self.settings.law == "feedforward"
         if not came - self.settings.stale <= taken <= came + MAX_AHEAD_S:
             doubt = STALE
@@ -216,6 +218,7 @@ class Tracker:
                 self.ending.wait(max(0.0, due - self.clock()))
 
     def watch(self) -> None:
+        """Let the envelope watch the loop until the end; runs in its own thread."""
         with urgent():
             while not self.ending.wait(WATCH_INTERVAL_S):
                 self.envelope.watch()
@@ -234,6 +237,7 @@ class Tracker:
         return not self.error or self.envelope.open_again is not None
 
     def cycle(self) -> None:
+        """One period of the loop: read the stage, look for doubts, and send a command or stop."""
         place = self.envelope.look().place
         reason, self.halted = self.halted, ""
         if reason:
@@ -262,7 +266,7 @@ class Tracker:
             self.stop(doubt)
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
-        """Send the stage after a good sample."""
+        """Send the stage after a good sample. place: the stage's (2,), mm."""
         measured = ControlInput(good.time, now, good.powers, good.apex, place)
         self.go(self.law.command(measured), good.time)
 
@@ -280,6 +284,7 @@ class Tracker:
             self.stop(f"no fresh sample came in the first {START_WITHIN_S:g} s")
 
     def is_fresh(self, newest: Sample, now: float) -> bool:
+        """Whether the newest sample was taken and came within `stale` of now, s."""
         fresh = now - newest.time <= self.settings.stale and newest.doubt != STALE
         return fresh and now - newest.came <= self.settings.stale
 
@@ -352,17 +357,19 @@ class Tracker:
         return f"{STALE}: all come {1e3 * self.late:.0f} ms late" if self.late > stale else STALE
 
     def go(self, place: Floats, sampled: float, search: Search | None = None) -> None:
+        """Send the stage to a place (2,), mm, if the sample's time allows it. sampled: s."""
         sent = self.envelope.go(place, sampled, search.limits if search else None)
         if sent is not None:  # otherwise the cycle took too long, and the next one decides again
             self.count(sent)
 
     def count(self, sent: Floats, **more: Any) -> None:
+        """Count and report a command that was sent to a place (2,), mm."""
         self.moves += 1
         self.begun = min(self.begun, self.clock())
         self.report("move", x=round(float(sent[0]), 6), y=round(float(sent[1]), 6), **more)
 
     def look_for(self, newest: Sample, place: Floats) -> None:
-        """Search for the mirror."""
+        """Search for the mirror; the search ends with a stop when it finds no place."""
         assert self.search is not None
         beam = self.encoder.places(np.array([newest.time]))[0]
         towards = self.law.locate_apex(newest.powers, beam, MIN_LIGHT_FRACTION)

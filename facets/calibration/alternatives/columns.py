@@ -497,8 +497,9 @@ def likely_resets(remainder: Residuals, columns: Floats) -> tuple[Floats, int]:
     """Indicators (n, b) of blocks of rows, and the length of a block at which columns (n, 9, q)
     with separate amounts in each block would explain most if no unknown absorbed any of it.
 
-    There are none, and the indicators are zero (n, 1) and the length 0, if the blocks would be few
-    (which are jumps), too many for a long table, or if blocks that begin elsewhere explain as much.
+    There are none if the blocks would be few (which are jumps) or too many for a long table, or if
+    blocks that begin elsewhere explain as much. The indicators are then zero, (n, 1), and the
+    length 0.
     """
     pulled = (np.swapaxes(columns, 1, 2) @ remainder.pulled[:, :, None])[:, :, 0]
     square = np.einsum("niq,nij,njq->nq", columns, remainder.inverse, columns)

@@ -6,6 +6,11 @@ mirror's place on the reference are common to all samples. Each sample has its o
 part of its pose that the reference does not measure and, where they change, the laser's power and
 the beam's position. These are eliminated from the normal equations (Schur complement), so that the
 system that remains is small for any number of samples. All derivatives are in closed form.
+
+Shapes and units: n samples; `values` (ALL,) are those of `unknowns.ALL`, in mm, rad, mW, s and
+fractions; `own_values` (n, 9) are the samples' own unknowns, in mm, rad and fractions of the power.
+Derivatives (n, 9, unknowns) are those of the readings in mm and mW; the residuals and derivatives
+of `Linear` are divided by the readings' standard deviations.
 """
 
 from __future__ import annotations
@@ -81,6 +86,7 @@ class Moves(NamedTuple):
     bend: Floats
 
     def part(self, rows: Rows) -> Moves:
+        """The motion about some of the samples."""
         return Moves(*(column[rows] for column in self))
 
 
@@ -117,6 +123,7 @@ class Data(NamedTuple):
     temperature: float | None = None
 
     def part(self, rows: Rows) -> Data:
+        """The samples of some rows; `sigma` and `temperature`, which all rows share, remain."""
         columns = {
             name: value[rows]
             for name, value in self._asdict().items()
@@ -258,7 +265,8 @@ def deviations(sensor: Sensor, data: Data) -> Floats:
 def linearise_model(
     sensor: Sensor, data: Data, own_values: Floats, values: Floats, choice: Choice
 ) -> Linear:
-    """Linearise the model at values of `ALL`; a missing reading has zero weight."""
+    """Linearise the model at values of `ALL`; a missing reading has zero residual and
+    derivatives."""
     own_values = pad_own_values(own_values)
     state = states_of(data, own_values, values)
     predicted = predict_readings(sensor, data, own_values, values, state)
@@ -303,7 +311,8 @@ def sensor_columns(
 
 
 def effect_columns(sensor: Sensor, state: Floats, choice: Choice) -> Floats:
-    """The derivatives by the effects of a choice.
+    """The derivatives (n, 9, EFFECTS) of the readings, mm and mW, by the effects of a choice; the
+    others are zero.
 
     NaN where a diverging fit makes a sensor without derivatives, such as a beam without width.
     """
@@ -327,6 +336,8 @@ class Turning(NamedTuple):
 
     @classmethod
     def from_pose(cls, pose: Floats, mounting: Floats, state: Floats) -> Turning:
+        """The rotations of poses (n, 6) and their derivatives. mounting: (9,), the values of
+        `MOUNTING`. state: (n, 8)."""
         lever, _, mount = mounting.reshape(3, 3)
         turn, turn_axes = rotation_matrix(pose[:, 3:]), angle_axes(pose[:, 3:])
         arm = turn @ lever
@@ -366,8 +377,8 @@ def mounting_columns(by_state: Floats, turning: Turning) -> Floats:
 
 
 def add_run(every: Floats, data: Data, by_own: Floats, by_state: Floats, late: float) -> None:
-    """Fill in the columns of changes over the run: the laser's power, delays, backlash, lag and
-    drifts.
+    """Fill in the columns of `every` (n, 9, ALL) for changes over the run: the laser's power,
+    delays, backlash, lag and drifts.
 
     late: the reference's delay, s.
     """

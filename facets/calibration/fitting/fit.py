@@ -14,6 +14,9 @@ over the common unknowns x and each sample's own (Levenberg-Marquardt on the nor
 without the latter). The fit has settled when another step would lower chi-square by less than
 `StoppingRule.fall`: then every value is within 0.03 standard uncertainties of the optimum. A limit
 on the size of steps would follow the weakest direction for ever.
+
+Shapes and units are those of `bundle_adjustment`; matrices (p, p) and vectors (p,) belong to the p
+unknowns of the fit's choice, in their order.
 """
 
 from __future__ import annotations
@@ -119,6 +122,7 @@ class Fit:
 
     @property
     def uncertainty(self) -> Floats:
+        """The standard uncertainties (p,) of the unknowns, from `covariance`."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -165,7 +169,7 @@ class Guess:
 
     @property
     def mean_power_values(self) -> Floats:
-        """The values with the mean of the samples' power."""
+        """The values (ALL,), in which the laser's power is the mean of that of the samples."""
         values = self.values.copy()
         values[PLACE["beam.power"]] *= 1 + float(self.own_values[:, 6].mean())
         return values
@@ -187,7 +191,8 @@ class Task:
         self.is_known = self.own_sigma == 0
 
     def guess(self, values: Floats, own_values: Floats) -> Guess:
-        """Evaluate the residuals at some values; raise `InputError` if they make no sensor."""
+        """Evaluate the residuals at some values; raise `InputError` if they make no sensor or a
+        laser without power."""
         sensor = assign_values(self.nominal, values)
         own_values = np.where(self.is_known, 0.0, own_values)
         if (own_values[:, 6] <= -0.9).any():
@@ -215,8 +220,8 @@ class Task:
         return float(loss.sum() + (own_offset**2).sum() + offset @ self.prior @ offset)
 
     def linearise(self, at: Guess, limit: float) -> tuple[Linear, Floats, Normal]:
-        """The linearised model, the square roots of the readings' weights, and the normal
-        equations."""
+        """The linearised model, the square roots (n, 9) of the readings' weights, and the normal
+        equations. limit: see `huber_roots`."""
         model = linearise_model(at.sensor, self.data, at.own_values, at.values, self.choice)
         weights = huber_roots(model.residual, limit)
         return model, weights, eliminate_own_unknowns(model, weights, at.own_values, self.own_sigma)
@@ -226,7 +231,7 @@ class Descent(Task):
     """The steps of a fit from a guess to its end."""
 
     def add_prior(self, at: Guess, normal: Normal) -> tuple[Floats, Floats]:
-        """Add the prior to the normal equations."""
+        """The matrix (p, p) and the right side (p,) of the normal equations with the prior."""
         side = normal.side - self.prior @ (at.values - self.start)[self.choice.places]
         return normal.matrix + self.prior, side
 
@@ -243,7 +248,8 @@ class Descent(Task):
         return None
 
     def hold_at_bounds(self, at: Guess, matrix: Floats, side: Floats) -> tuple[Floats, Floats]:
-        """The normal equations in which unknowns that would leave their bounds are held."""
+        """The normal equations (p, p) and (p,) in which unknowns that would leave their bounds are
+        held."""
         held = (at.values[self.choice.places] <= self.bounds) & (side < 0)
         if not held.any():
             return matrix, side
@@ -289,6 +295,7 @@ class Descent(Task):
         return at, rule.steps, self.describe_remaining_moves(at, matrix, side, worth)
 
     def describe_deadlock(self, worth: float) -> str:
+        """The cause of a fit of which no step lowers chi-square. worth: the predicted decrease."""
         return (
             f"no step from here lowers chi-square, though {worth:.3g} could be gained: the model "
             "does not describe these readings; look for a wrong sign, unit, order of detectors or "
@@ -323,6 +330,8 @@ class Descent(Task):
         return f"chi-square still falls by {worth:.3g} a step, mostly along {names}: {remedy}"
 
     def conclusion(self, at: Guess, steps: int, cause: str) -> Fit:
+        """The result of the fit at its last guess. cause: why it did not settle, else empty. If the
+        values make no sensor, the nominal sensor is returned with that cause."""
         limit = self.outlier_limit(at)
         model, weights, normal = self.linearise(at, limit)
         matrix, _ = self.add_prior(at, normal)
@@ -408,14 +417,15 @@ def prior_information(choice: Choice) -> Floats:
 
 
 def invert_covariance(matrix: Floats) -> Floats:
-    """Invert a covariance whose parameters differ in size by many orders of magnitude."""
+    """Invert a covariance (p, p) whose parameters differ in size by many orders of magnitude."""
     scale = np.sqrt(np.diag(matrix))
     inverse: Floats = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
     return (inverse + inverse.T) / 2
 
 
 def huber_roots(residual: Floats, limit: float) -> Floats:
-    """Square roots of Huber's weights: 1 up to the limit, smaller beyond it."""
+    """Square roots of Huber's weights of residuals in standard deviations, of their shape: 1 up to
+    the limit, smaller beyond it."""
     if not np.isfinite(limit):
         return np.ones_like(residual)
     size = np.maximum(np.abs(residual), limit)
@@ -424,7 +434,7 @@ def huber_roots(residual: Floats, limit: float) -> Floats:
 
 
 def cut_variance(limit: float | None) -> float:
-    """The variance of a standard normal deviate that lies within +- limit."""
+    """The variance of a standard normal deviate that lies within +- limit; 1 without a limit."""
     if limit is None:
         return 1.0
     from scipy.special import ndtr
@@ -493,7 +503,7 @@ def joint_freedom(task: Task, freedom: float) -> float | None:
 
 def thermal_of(values: Floats, temperature: float | None) -> Thermal:
     """The sensor's dependence on temperature from values of `ALL`, relative to the mean temperature
-    of the samples."""
+    of the samples. It is empty without a temperature or a fitted dependence."""
     if temperature is None or not values[block(TEMPERATURE)].any():
         return Thermal()
     beam_x, beam_y, *places = values[block(TEMPERATURE)].tolist()
@@ -514,7 +524,7 @@ def add_mean_power(task: Task, at: Guess, normal: Normal, covariance: Floats) ->
 
 
 def fold(names: list[str], values: Floats, covariance: Floats) -> tuple[list[str], Floats]:
-    """Names and covariance after the mirror's rotation has become part of the facets."""
+    """Names and covariance (p, p) after the mirror's rotation has become part of the facets."""
     if set(MOUNT).isdisjoint(names):
         return names, covariance
     changed, sources, slope = fold_derivatives(values)

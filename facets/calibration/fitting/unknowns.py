@@ -89,6 +89,7 @@ def spline_slopes(sensor: Sensor, raw: Floats) -> Floats:
 
 @cache
 def fine_bases() -> Floats:
+    """The splines' basis functions (places, functions) on a fine grid over the detector."""
     at = np.linspace(-1, 1, FINE_PLACES)
     y, z = np.meshgrid(at, at, indexing="ij")
     return bases(np.column_stack([y.ravel(), z.ravel()]))
@@ -164,7 +165,7 @@ PLACE = {name: n for n, name in enumerate(ALL)}
 
 
 def block(names: tuple[str, ...]) -> slice:
-    """The slice of `ALL` that holds consecutive names."""
+    """The slice of `ALL` that holds consecutive names; empty for no names."""
     return slice(PLACE[names[0]], PLACE[names[-1]] + 1) if names else slice(0, 0)
 
 
@@ -186,6 +187,7 @@ class Choice:
 
     @property
     def places(self) -> NDArray[np.int64]:
+        """The indices (p,) in `ALL` of the choice's names."""
         return np.array([PLACE[name] for name in self.names], dtype=np.int64)
 
     def add_unknowns(self, sigma: dict[str, float]) -> Choice:
@@ -200,7 +202,8 @@ class Choice:
 
 
 def values_of(sensor: Sensor) -> Floats:
-    """Values of `ALL` of the nominal sensor, with the apex on the pivot and on the beam."""
+    """Values (ALL,) of `ALL` of the nominal sensor, mm, rad, mW and fractions, with the apex on the
+    pivot and on the beam."""
     nominal = dict(zip(PARAMETERS, parameters(sensor), strict=True))
     values = np.zeros(len(ALL))
     for name in GEOMETRY:
@@ -213,7 +216,7 @@ def values_of(sensor: Sensor) -> Floats:
 
 
 def assign_values(sensor: Sensor, values: Floats) -> Sensor:
-    """Make a sensor with values of `ALL`; raise `InputError` for impossible values."""
+    """Make a sensor with values (ALL,) of `ALL`; raise `InputError` for impossible values."""
     geometry = dict(zip(GEOMETRY, values[block(GEOMETRY)].tolist(), strict=True))
     axes = axes_of(values[block(SHAPE)], sensor.beam.rotation)
     geometry |= dict(zip(OF_SHAPE, axes, strict=True))
@@ -226,7 +229,8 @@ def assign_values(sensor: Sensor, values: Floats) -> Sensor:
 
 
 def replace_corrections(sensor: Sensor, coefficient: Floats) -> Sensor:
-    """Replace the sensor's corrections by coefficients in the order of `correction.NAMES`."""
+    """Replace the sensor's corrections by coefficients, mm, mW and fractions, in the order of
+    `correction.NAMES`."""
     parts = coefficient.reshape(3, len(NAMES_OF_ONE)).tolist()
     count = len(MONOMIALS)
     psds = [
@@ -263,7 +267,7 @@ def normals(values: Floats) -> Floats:
 
 
 def fold_mount(values: Floats) -> Floats:
-    """Values of `ALL` in which the mount's rotation is zero and part of the facets instead.
+    """Values (ALL,) of `ALL` in which the mount's rotation is zero and part of the facets instead.
 
     The mirror's frame is then that of the reference: where the reference is at zero, the solved
     angles are zero.
