@@ -104,7 +104,7 @@ def emulate(
     try:
         bench.run(seconds or float("inf"))
     finally:
-        reference = write_reference(bench, settings, seed)
+        reference = write_reference(bench)
     with suppress(OSError):  # the terminal may be gone
         print("\n".join([*bench.summary(), *reference, *commands]))
 
@@ -118,13 +118,12 @@ def announce(bench: live.virtual.Bench, settings: Config) -> None:
     print("running; ^C ends it")
 
 
-def write_reference(bench: live.virtual.Bench, settings: Config, seed: int) -> list[str]:
+def write_reference(bench: live.virtual.Bench) -> list[str]:
     """Write the readings of the reference, if there is one; return a sentence about them."""
     if bench.reference is None:
         return []
     path = bench.folder / "reference.csv"
-    about = files.provenance.provenance_header(settings, seed)
-    files.tables.write_table(path, bench.reference.columns(), about)
+    bench.reference.write(path)
     return [f"The reference's readings were written to {path}."]
 
 

@@ -29,11 +29,12 @@ SHORTER = {
     "--designs 1000": "--designs 20",
     "rate=250": "rate=100",
     "--samples 3300": "--samples 1320",
-    "--samples 24000": "--samples 8000",
+    "--samples 120000": "--samples 8000",
+    "--resolution-hz 0.15": "--resolution-hz 1.5",
     "--seconds 8": "--seconds 4",
 }
-#: Pages of commands whose examples need nobody at a second terminal, in an order in which each
-#: finds what an earlier one has written: those of the README's commands, and others.
+#: Pages of commands whose examples need no second terminal, in an order in which each finds
+#: the files of earlier ones: those of the README's commands, and others.
 OF_THE_README = ("simulate", "solve", "range-map")
 LONG = ("resolution", "optimize", "render", "tolerances", "jacobian", "calibrate", "rezero", "axis",
         "explore", "reproduce")  # fmt: skip
@@ -103,12 +104,8 @@ def test_the_guides_can_be_followed_in_one_folder(tmp_path):
 def follow(page, folder):
     reader = Reader(folder)
     reader.outputs = {line: [] for line in ELSEWHERE}
-    try:
-        for step in steps(page):
-            reader.follow(shorten(step))
-        assert reader.bench is None, f"{page}: nothing says when to stop the first terminal"
-    finally:
-        reader.end()
+    for step in steps(page):
+        reader.follow(shorten(step))
 
 
 def check_calibration(folder):

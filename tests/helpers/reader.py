@@ -9,19 +9,16 @@ from pathlib import Path
 
 from commands import command
 from pages import agree, shape
-from programs import Program
 
 
 class Reader:
-    """Type a page's commands and run its Python; a block for the first terminal runs until the text
-    stops it.
+    """Type a page's commands and run its Python.
 
     outputs: what each command has printed; a command is not run again.
     """
 
     def __init__(self, folder):
         self.folder = folder
-        self.bench = None
         self.outputs = {}
         self.printed = []
         self.has_measured = False
@@ -29,12 +26,8 @@ class Reader:
         self.environment = {**os.environ, "PATH": f"{here}{os.pathsep}{os.environ['PATH']}"}
 
     def follow(self, step):
-        if "Ctrl-C" in step.text:
-            self.stop()
         if step.language == "yaml":
             (self.folder / step.file).write_text(step.block)
-        elif step.language == "bash" and "first terminal" in step.text:
-            self.start(step.block)
         elif step.language == "bash":
             for line in step.block.splitlines():
                 self.type(line)
@@ -43,28 +36,8 @@ class Reader:
         elif step.language in ("", "text") and self.printed:
             self.compare(step.block.splitlines(), "from run to run" in step.text)
 
-    def start(self, line):
-        """Start the virtual bench in the first terminal and wait for its ports."""
-        assert self.bench is None, f"the first terminal is still busy: {line}"
-        self.bench = Program(*shlex.split(line)[1:], cwd=self.folder)
-        self.has_measured = True
-        self.bench.await_output("/board")
-
-    def stop(self):
-        """Send Ctrl-C to the first terminal."""
-        if self.bench:
-            with self.bench as bench:
-                status = bench.end()
-            self.bench = None
-            assert status == 0, bench.stderr
-
-    def end(self):
-        """Close the first terminal if it is still busy."""
-        if self.bench:
-            self.bench.__exit__()
-
     def type(self, line):
-        """Run a line in the second terminal; a comment states its exit status if that is not 0."""
+        """Run a line; a comment states its exit status if that is not 0."""
         self.has_measured |= "virtual:" in line
         if line not in self.outputs:
             self.outputs[line] = self.run(line)

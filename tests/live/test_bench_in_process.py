@@ -144,7 +144,7 @@ def test_only_a_virtual_stage_has_the_clock_of_a_virtual_bench(monkeypatch, tmp_
         ("virtual:cirkel", {}, {}, "no motion cirkel"),
         ("virtual:rest,rate=0", {}, {}, "rate is a whole number from 1 to 200000"),
         ("virtual:rest,flip=x", {}, {}, "flip=x"),
-        ("virtual:rest,flop=1", {}, {}, "config, rate, flip"),
+        ("virtual:rest,flop=1", {}, {}, "config, rate, reference, flip"),
         ("virtual:rest,config=none.yaml", {}, {}, "none.yaml"),
         ("virtual:rest", {}, {"stage_port": "COM3"}, "has a stage of its own"),
         ("virtual:rest", {"permit": "file:permit"}, {}, "nothing real may depend"),

@@ -167,7 +167,7 @@ def stage_sentences(live: Live) -> Iterator[str]:
     if live.beam_loss.lost and live.latency and not live.is_urgent:  # no bench in the process
         yield (
             "the run had no real-time priority; with it a busy machine loses the beam less often, "
-            "see 'Beside other programs' in docs/commands/acquire.md"
+            "see 'With other programs on the machine' in docs/commands/acquire.md"
         )
 
 

@@ -53,7 +53,8 @@ class SimulatedClock:
 class BenchInProcess(Bench):
     """A virtual bench as a source of bytes, by default of the rig that the run measures.
 
-    name: of its port.  clock: of the bench and of the run.
+    name: of its port.  table: file of the reference's readings; "" without a reference.  clock: of
+    the bench and of the run.
     """
 
     clock: SimulatedClock
@@ -62,13 +63,15 @@ class BenchInProcess(Bench):
     def __init__(self, name: str, config: Config) -> None:
         """Raises `InputError` for a name that is not `FORM`, or has wrong values."""
         motion, comma, more = name.removeprefix(VIRTUAL).partition(",")
-        names, option = ["config", "rate", *Faults.names()], f"the port {name}"
+        names, option = ["config", "rate", "reference", *Faults.names()], f"the port {name}"
         words = assignments(more, option, names, FORM) if comma else {}
         other, rate = words.pop("config", ""), words.pop("rate", "10000")
+        self.table = words.pop("reference", "")
         if not (rate.isdecimal() and 1 <= int(rate) <= MOST_RATE):
             raise InputError(f"{option}: rate is a whole number from 1 to {MOST_RATE}")
         faults = Faults.from_words(words, option)
-        setup = BenchSetup(load(other) if other else config, motion, int(rate), faults)
+        rig = load(other) if other else config
+        setup = BenchSetup(rig, motion, int(rate), faults, reference=bool(self.table))
         super().__init__(setup, Path(), SimulatedClock())
         self.name, self.begin = name, self.clock()
         self.board.switch_on(self.begin)
@@ -131,6 +134,12 @@ class BenchReader(Reader):
 
     def is_alive(self) -> bool:
         return not (self.error or self.ending.is_set())
+
+    def finish(self) -> None:
+        """End, and write the readings of the reference if the port names a table for them."""
+        super().finish()
+        if self.bench.reference:
+            self.bench.reference.write(Path(self.bench.table))
 
     def next_block(self, wait: float = 0.0) -> Block:
         """Return the next block; let stage and board go on first where the loop waits for it."""

@@ -7,9 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...core.units import Floats
+from ...files.provenance import provenance_header
+from ...files.tables import write_table
 from ...simulation.reference import reference_columns, reference_poses
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from ...core.settings import Config
     from .mirror import Mirror
 
@@ -21,7 +25,7 @@ class Reference:
     """Reads the mirror's pose by the host's clock, with the errors of `calibrate.reference`."""
 
     def __init__(self, config: Config, mirror: Mirror, seed: int) -> None:
-        self.mirror = mirror
+        self.mirror, self.about = mirror, provenance_header(config, seed)
         rng = np.random.default_rng([seed, 6])
         self.poses = reference_poses(mirror.states[:, :6], config.calibrate.reference, rng)
         self.times: list[Floats] = []
@@ -44,3 +48,7 @@ class Reference:
         if not self.times:
             return {"time_s": np.zeros(0)}
         return {"time_s": np.concatenate(self.times)} | reference_columns(np.concatenate(self.rows))
+
+    def write(self, path: Path) -> None:
+        """Write all readings as a table for `facets calibrate --reference`."""
+        write_table(path, self.columns(), self.about)
