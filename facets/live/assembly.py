@@ -107,6 +107,7 @@ class RunOptions:
 
     @property
     def moves_stage(self) -> bool:
+        """Whether the run moves a stage: to follow the mirror, or to check the wiring."""
         return self.track or self.check_stage
 
 
@@ -199,7 +200,7 @@ class Run:
 
     @property
     def check(self) -> StageCheck | None:
-        """The check of the stage's wiring, if there is one."""
+        """The check of the stage's wiring, None if the run has none."""
         tracker = self.live.tracker
         return tracker if isinstance(tracker, StageCheck) else None
 
@@ -220,7 +221,8 @@ class Run:
         self.live.sinks.append(self.recording)
 
     def publish(self, on_progress: OnProgress) -> WebPage | None:
-        """Begin to publish samples, and report where; return the page, if there is one."""
+        """Begin to publish samples, and report where; return the page, None if there is none.
+        Raises `InputError` for a page without scripts."""
         options, measurement = self.options, self.live.pipeline.measurement
         if not options.publish and options.web is None:
             return None
@@ -243,7 +245,8 @@ class Run:
     def open_stage(
         self, bench: BenchInProcess | None, page: WebPage | None, on_progress: OnProgress
     ) -> None:
-        """Open the stage, which the page can then resume."""
+        """Open the stage, which the page can then resume. Raises an error if the stage is
+        unsafe."""
         config, check, say = self.config, self.options.check_stage, self.live.add_event
         port = "virtual" if bench else self.options.stage_port or config.stage.port
         self.stage_port = require_port(port, "--stage-port", "stage.port")
@@ -346,7 +349,8 @@ def resolve_object(config: Config) -> Config:
 
 
 def open_bench(port: str, config: Config, options: RunOptions) -> BenchInProcess | None:
-    """Make the virtual bench that a port names; no stage but that of the bench may then move."""
+    """Make the virtual bench that a port names, None for another port; no stage but that of the
+    bench may then move."""
     if not port.startswith(VIRTUAL):
         return None
     if options.stage_port:

@@ -86,6 +86,7 @@ def open_envelope(
     """
 
     def open_port() -> Any:
+        """Open the bench's stage or the serial line; another driver gets the port's name."""
         if bench is not None:
             return bench.open_stage()
         return port if settings.driver == "other" else open_line(port, settings.baud, 0.02)

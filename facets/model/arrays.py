@@ -128,7 +128,8 @@ def replace_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
 
 
 def varying(values: Sequence[float] | Floats, which: Sequence[int]) -> Any:
-    """Numbers, some of which carry derivatives with respect to themselves.  which: their places."""
+    """Numbers, some of which carry derivatives (len(which),) with respect to themselves.  which:
+    their places."""
     numbers: list[Any] = [float(value) for value in values]
     for n, seed in zip(which, np.eye(len(which)), strict=True):
         numbers[n] = Dual(numbers[n], seed)
@@ -204,7 +205,8 @@ def openings(sensor: Sensor) -> Openings:
 
 
 def packed_vectors(sensor: Sensor) -> Floats:
-    """The sensor's vectors as one array for the kernels, made once per sensor and process."""
+    """The sensor's vectors as one array (numbers,) for the kernels, made once per sensor and
+    process."""
     packed: Floats | None = sensor.__dict__.get("_packed")
     if packed is None:
         packed = sensor.__dict__["_packed"] = packing.pack(geometry_of(sensor))

@@ -53,6 +53,7 @@ def each_block(formula: Formula, load: Load, size: int) -> LaneWrite:
     """
 
     def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
+        """Write the loop that applies the formula to each block of states."""
         packed, states, results = pointers_to(builder, arguments[:3])
         code = begin_code(builder)
         vectors = load(code, packed)
@@ -67,6 +68,7 @@ def each_block(formula: Formula, load: Load, size: int) -> LaneWrite:
 
 
 def pointers_to(builder: Any, addresses: Sequence[Any]) -> list[Any]:
+    """Pointers to doubles at integer addresses."""
     return [builder.inttoptr(address, ir.PointerType(DOUBLE)) for address in addresses]
 
 
@@ -150,6 +152,7 @@ def write_slopes(kind: str) -> LaneWrite:
     """
 
     def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
+        """Write the loop over blocks that computes derivatives by each varied number."""
         packed, varied, states, results = pointers_to(builder, arguments[:4])
         copies = arguments[4]
         code = begin_code(builder)
@@ -178,6 +181,7 @@ def loops_of(kind: str) -> dict[str, LaneWrite]:
     """The code for a kind of light, by the names that `blocks.kernel` takes."""
 
     def load(code: LaneWriter, pointer: Any) -> Geometry:
+        """The sensor's vectors, read from memory."""
         return vectors_of(code, pointer, kind)
 
     readings = each_block(write_readings, load, 9)

@@ -130,6 +130,7 @@ class BlockMemory:
         self._address = 0
 
     def results(self, name: str) -> Any:
+        """The results of the last call, (lanes, ...), by their name."""
         return self.found[task_of(name).removeprefix("approximate_")]
 
     def address_of_vectors(self, vectors: Floats) -> int:
@@ -140,7 +141,7 @@ class BlockMemory:
 
 
 def run_rest(name: str, vectors: Floats, states: Floats, out: Floats) -> None:
-    """Fill `out` for fewer states than a block has."""
+    """Fill `out` (n, ...) for states (n, 8), fewer than a block has."""
     memory, short = RESTS.take(), len(states)
     memory.rows[:short] = states
     memory.rows[short:] = states[-1]

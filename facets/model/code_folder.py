@@ -19,6 +19,7 @@ TEXT = (HERE.parent / "optics", HERE.parent / "scalars")
 
 
 def text_of(files: tuple[Path, ...]) -> Iterator[Path]:
+    """Yield the source files of which the machine code is made."""
     for folder in TEXT:
         yield from sorted(folder.glob("*.py"))
     yield from files

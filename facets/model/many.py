@@ -71,11 +71,13 @@ class VariedSensors(NamedTuple):
         return lit_kind(self.sensor)
 
     def rows(self, which: slice | Floats) -> VariedSensors:
+        """Some of the sensors."""
         some = None if self.effects is None else self.effects[which]
         return VariedSensors(self.sensor, self.parameters[which], some)
 
     def pack(self, kind: str) -> Floats:
-        """The vectors of each sensor, as compiled code for this kind of light takes them."""
+        """The vectors of each sensor, (sensors, numbers), as compiled code for this kind of light
+        takes them."""
         light, numbers = None, self.effects
         if kind != "plain":
             if numbers is None:

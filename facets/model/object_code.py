@@ -89,6 +89,7 @@ def collector_off() -> Iterator[None]:
 
 
 def path_of(name: str, folder: Path) -> Path:
+    """The file of a function's machine code for this processor."""
     return folder / f"{name}-{processor()[2]}.o"
 
 
@@ -117,6 +118,7 @@ def vector_bits() -> int:
 
 
 def host_features() -> str:
+    """The processor's features in LLVM's words; empty if LLVM does not know them."""
     try:
         return llvm.get_host_cpu_features().flatten()  # type: ignore[no-any-return]
     except RuntimeError:  # LLVM does not know the features: use those of the name
@@ -192,7 +194,7 @@ def load_objects(objects: Objects) -> Any:
 
 
 def read(path: Path) -> Objects | None:
-    """Read stored objects, or return None."""
+    """Read stored objects; None if they cannot be read or are damaged."""
     try:
         stored = path.read_bytes()
     except OSError:

@@ -23,7 +23,7 @@ PARALLEL = EXAMPLE._replace(light=None)  # type: ignore[arg-type]
 
 
 def pack(vectors: Geometry) -> np.ndarray:
-    """Pack a sensor's vectors into one array."""
+    """Pack a sensor's vectors into one array (numbers,)."""
     return np.array([number + 0.0 for number in leaves(vectors)])
 
 

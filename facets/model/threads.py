@@ -31,6 +31,7 @@ class Pool(Generic[T]):
         self.put_back, self._take = self._idle.append, self._idle.pop
 
     def take(self) -> T:
+        """Take an object from the pool, or make one if it is empty."""
         try:
             return self._take()
         except IndexError:
@@ -48,6 +49,7 @@ def once(make: Callable[..., T]) -> Callable[..., T]:
     @cache
     @wraps(make)
     def call(*arguments: Any) -> T:
+        """The result for these arguments, computed on the first call."""
         with locks.setdefault(arguments, threading.RLock()):
             if arguments not in results:
                 results[arguments] = make(*arguments)

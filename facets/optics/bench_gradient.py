@@ -3,6 +3,9 @@
 Under real light these derivatives are exact. Only the light on a facet is not differentiated in
 this way, because it has closed derivatives (`light_with_slope`). An iteration can use a faster
 Jacobian, which neglects changes of the edges' effects (`linearise_nearly`).
+
+A derivative is a number, or an array by all variables, in the units of `forward` per unit of its
+variable: mm, rad, mW or a fraction.
 """
 
 from __future__ import annotations
@@ -140,6 +143,7 @@ def ideal_slopes(
 
 
 def slopes_of_detector(values: Three) -> Three:
+    """The derivatives of psi, zeta and power; 0 for one that depends on no variable."""
     return (
         value_and_slope(values[0])[1],
         value_and_slope(values[1])[1],

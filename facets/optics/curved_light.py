@@ -30,8 +30,8 @@ from .vectors import (
 
 
 def back_projection(geometry: Geometry, at: Scene) -> tuple[Any, Any, Any, Any]:
-    """The matrix that projects vectors across the beam from the height of the apex back to the
-    height of the beam's place."""
+    """The matrix (xx, xy, yx, yy) that projects vectors across the beam from the height of the apex
+    back to the height of the beam's place."""
     xx, xy, yx, yy = geometry.light.bend
     height = dot(subtract(at.apex, at.place), geometry.direction)
     a, b, c, d = height * xx + 1, height * xy, height * yx, height * yy + 1
@@ -40,6 +40,7 @@ def back_projection(geometry: Geometry, at: Scene) -> tuple[Any, Any, Any, Any]:
 
 
 def apply(matrix: tuple[Any, Any, Any, Any], x: Plane) -> Plane:
+    """The product of a matrix (xx, xy, yx, yy) and a vector of the plane."""
     return matrix[0] * x[0] + matrix[1] * x[1], matrix[2] * x[0] + matrix[3] * x[1]
 
 
@@ -85,6 +86,7 @@ class DetectorImage(NamedTuple):
 
 
 def detector_image(facet: LitFacet) -> DetectorImage:
+    """The image of a facet's detector in the facet, as rays across the beam see it."""
     geometry, at, normal, (x, y, z) = facet.geometry, facet.at, facet.normal, facet.axes
     axes = reflect(x, normal), reflect(y, normal), reflect(z, normal)
     # Measured from the image's centre.

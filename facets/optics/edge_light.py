@@ -63,6 +63,7 @@ class EdgeStep(NamedTuple):
 def edge_step(
     geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], edge: int
 ) -> EdgeStep:
+    """The effect of one edge of the mirror (0 to 2) on the light next to it."""
     along = at.edges[edge]
     across = cross(along, geometry.direction)
     square = dot(across, across)

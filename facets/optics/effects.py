@@ -187,6 +187,8 @@ def turn_cubic(t: Four, u: Plane, w: Plane) -> Four:
 
 
 def contract_fourth(t: Five, v: Plane) -> tuple[Any, Any, Any, Any]:
+    """The contraction (xxx, xxy, xyy, yyy) of a symmetric tensor of fourth order, (xxxx, ...,
+    yyyy), with a vector."""
     return (
         t[0] * v[0] + t[1] * v[1],
         t[1] * v[0] + t[2] * v[1],

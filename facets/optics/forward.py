@@ -6,7 +6,9 @@ centroid of the light on a facet to the centroid of the spot. Each reading needs
 wedge of the beam (`wedge`) and the landing point of one ray (`rays`), and no integral over the
 detector.
 
-All functions take any number type. Vectors are tuples in the world frame, mm.
+All functions take any number type. Vectors are tuples in the world frame, mm. Angles are in rad,
+powers in mW, and q, centroids and other places in the beam's cross-section in sigmas. A reading
+(psi, zeta, power) is in mm and mW; it is NaN if the light does not meet the facet or the detector.
 """
 
 from __future__ import annotations
@@ -102,6 +104,7 @@ def facet_normal(inclination: Number, azimuth: Number) -> Vector:
 
 
 def psd_centre(radius: Number, azimuth: Number, height: Number) -> Vector:
+    """The centre of a detector in cylindrical coordinates, mm."""
     return radius * cos(azimuth), radius * sin(azimuth), height
 
 
@@ -119,7 +122,7 @@ def psd_axes(azimuth: Number, roll: Number, pitch: Number, yaw: Number) -> Matri
 def build_geometry(
     parameters: tuple[Any, ...], openings: Openings = OPEN, effects: LightEffects | None = None
 ) -> Geometry:
-    """The vectors of a sensor from its 30 parameters, in the order of `PARAMETERS`.
+    """The vectors of a sensor from its 30 parameters, mm, rad and mW, in the order of `PARAMETERS`.
 
     effects: the deviations from ideal light; None for ideal light.
     """
@@ -207,6 +210,7 @@ class Scene(NamedTuple):
 
 
 def scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
+    """The scene at a state of Eq. (3) with its light."""
     return illuminate(dark_scene(geometry, state))
 
 
@@ -248,6 +252,7 @@ def illuminate(at: Scene) -> Scene:
 
 
 def replace_light(at: Scene, integrals: Three, moments: Three) -> Scene:
+    """The scene with other integrals and moments of its light."""
     return at._replace(integrals=integrals, moments=moments)
 
 
@@ -273,6 +278,7 @@ class LitFacet(NamedTuple):
 
 
 def mirror_facets(geometry: Geometry, at: Scene) -> tuple[LitFacet, LitFacet, LitFacet]:
+    """The facets A, B and C in the light of a scene."""
     return (
         mirror_facet(geometry, at, 0),
         mirror_facet(geometry, at, 1),
@@ -281,6 +287,7 @@ def mirror_facets(geometry: Geometry, at: Scene) -> tuple[LitFacet, LitFacet, Li
 
 
 def mirror_facet(geometry: Geometry, at: Scene, k: int) -> LitFacet:
+    """The facet k (0 to 2) in the light of a scene."""
     following = (k + 1) % 3
     return LitFacet(
         geometry=geometry,

@@ -4,6 +4,8 @@ Each reading has a few raw gradients (`Gradient`): with respect to the ray, the 
 seen along the beam, and the angles of the facet's two edges. The derivatives with respect to the
 state (`linearise`) are dot products with these. A small turn of a vector v about an axis w changes
 v by w x v, so that a gradient g with respect to v contributes (v x g) . w.
+
+Readings and states are in the units of `forward`: derivatives are in mm and mW per mm and rad.
 """
 
 from __future__ import annotations
@@ -120,7 +122,7 @@ def gradient_in_world(geometry: Geometry, gradient: Plane) -> Vector:
 
 
 def state_row(facet: LitFacet, gradient: Gradient, turns: Three, axes: Matrix) -> tuple[Any, ...]:
-    """One reading's derivatives with respect to the eight components of the state.
+    """One reading's derivatives with respect to the eight components of the state of Eq. (3).
 
     turns: from `edge_turns`.  axes: the world axes of roll, pitch and yaw.
     """

@@ -29,11 +29,13 @@ def printed_reading(facet: LitFacet, ray: Path, sigma: float) -> tuple[float, fl
     units = sigma * sqrt(1 + (y / x) ** 2), sigma * sqrt(1 + (z / x) ** 2)
 
     def place(start: Vector) -> Plane:
+        """The landing point (psi, zeta) on the detector, mm, of a ray from a point on the facet."""
         return land(start, leaving, flight(start, leaving, centre, axes), centre, axes)
 
     beam = place(hit(at.place, facet.geometry.direction, at.apex, facet.normal))
 
     def scaled_place(start: Vector) -> Plane:
+        """The landing point from that of the beam's axis, in the standard deviations of Eq. (8)."""
         psi, zeta = place(start)
         return (psi - beam[0]) / units[0], (zeta - beam[1]) / units[1]
 

@@ -112,6 +112,7 @@ def apply_profile(geometry: Geometry, at: Scene) -> Scene:
 
 
 def change_moments(q: Plane, moments: Moments, begin: SideChange, end: SideChange) -> Moments:
+    """The moments of a wedge with the changes that the profile causes along both sides."""
     mass, centroid, shift, _ = moments
     total = mass + (begin.mass - end.mass)
     x = (mass * centroid[0] + (begin.moment[0] - end.moment[0])) / total

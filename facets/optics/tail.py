@@ -169,6 +169,7 @@ def swept_mass(a: Number, h: Number, along: Number, across: Number, tail: Number
 
 
 def owen_term(node: Number, weight: Number, end: Number, half_square: Number) -> tuple[Any]:
+    """One term of the quadrature of Owen's T function."""
     square = (end * node) * (end * node)
     return (exp(-half_square * square) * (weight / (1 + square)),)
 
@@ -226,6 +227,7 @@ def tail_wedge(q: Plane, u1: Plane, u2: Plane) -> Moments:
 
 
 def select_both(condition: Any, a: Plane, b: Plane) -> Plane:
+    """Apply `select` to both components of two vectors."""
     return select(condition, a[0], b[0]), select(condition, a[1], b[1])
 
 
@@ -252,6 +254,7 @@ def sums_over(side: BrighterSide, brighter: Cut, darker: Cut, v: Plane) -> Sums:
 
 
 def add_sums(a: Sums, b: Sums) -> Sums:
+    """The sums of the six components of a and b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
 
 
@@ -363,6 +366,7 @@ def rays(cut: Cut, u: Plane, sense: Number) -> Sums:
 
 
 def rays_between(begin: Number, end: Number, cut: Cut) -> Sums:
+    """The sums over rays between two angles."""
     return sum_over(ray_term, NODES, begin, end, cut)  # type: ignore[no-any-return]
 
 

@@ -1,4 +1,7 @@
-"""Three-vectors as tuples of scalars, of any number type."""
+"""Three-vectors as tuples of scalars, of any number type.
+
+Lengths are in mm and angles in rad, unless a caller's docstring says otherwise.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,12 @@ Matrix = tuple[Vector, Vector, Vector]
 
 
 def dot(a: Vector, b: Vector) -> Number:
+    """The scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: Vector, b: Vector) -> Vector:
+    """The vector product a x b."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -73,10 +78,12 @@ def rotation_axes(pitch: Number, yaw: Number) -> Matrix:
 
 
 def cross2(a: Plane, b: Plane) -> Number:
+    """The cross product of two vectors of a plane, a scalar."""
     return a[0] * b[1] - a[1] * b[0]
 
 
 def dot2(a: Plane, b: Plane) -> Number:
+    """The scalar product of two vectors of a plane."""
     return a[0] * b[0] + a[1] * b[1]
 
 
@@ -86,5 +93,6 @@ def angle_between(a: Plane, b: Plane) -> Number:
 
 
 def unit_vector(v: Plane) -> Plane:
+    """A vector of the plane divided by its length."""
     norm = sqrt(v[0] * v[0] + v[1] * v[1])
     return v[0] / norm, v[1] / norm

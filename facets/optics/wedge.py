@@ -81,6 +81,7 @@ def swept_mass(a: Number, h: Number) -> Number:
     root, half_turn = sqrt(8 * pi(a)), sqrt(a * 0 + 2)
 
     def length(k: Number) -> Number:
+        """The length L(k a, k h) of the side."""
         return exp(-k * k * h * h / 2) * erfc(k * a / half_turn) / root
 
     return h * integral(length, a)
@@ -118,6 +119,7 @@ BRIGHT_MASS = 0.3
 
 
 def closed_mass(u1: Plane, u2: Plane, side1: Side, side2: Side) -> Number:
+    """The fraction of the light in a wedge, by the closed formula."""
     opening = angle_between(u1, u2)
     return opening / (2 * pi(opening)) + side1[3] - side2[3]
 
@@ -125,6 +127,8 @@ def closed_mass(u1: Plane, u2: Plane, side1: Side, side2: Side) -> Number:
 def closed_moments(
     q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, mass: Number
 ) -> Moments:
+    """Mass, centroid, one minus the covariance, and the centroid less the point, in sigmas, by the
+    closed formula."""
     # int x f over a side is q L + u K; outward normals are (u1y, -u1x) and (-u2y, u2x)
     x1, y1 = q[0] * side1[0] + u1[0] * side1[1], q[1] * side1[0] + u1[1] * side1[1]
     x2, y2 = q[0] * side2[0] + u2[0] * side2[1], q[1] * side2[0] + u2[1] * side2[1]

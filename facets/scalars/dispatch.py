@@ -6,6 +6,9 @@ Formulas of pure geometry also run with arrays and with rigorous intervals (`int
 contains no decimal literal, because a rounded constant would limit the accuracy of a 40-digit run.
 
 `dual.Dual` adds a derivative to a number of any of these kinds.
+
+Angles are in rad. Outside its domain a function of floats raises the error of `math`; functions of
+arrays, intervals and code give NaN.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ Number = Any
 
 
 def is_float(x: Number) -> bool:
+    """Whether a number is a plain float or integer."""
     return isinstance(x, float | int)
 
 
@@ -31,6 +35,7 @@ def has_more_digits(x: Number) -> bool:
 
 
 def is_dual(x: Number) -> bool:
+    """Whether a number carries a derivative."""
     return type(x).__name__ == "Dual"
 
 
@@ -50,22 +55,27 @@ def library(x: Number) -> Any:
 
 
 def exp(x: Number) -> Number:
+    """The exponential function for any number type."""
     return library(x).exp(x)
 
 
 def sqrt(x: Number) -> Number:
+    """The square root for any number type."""
     return library(x).sqrt(x)
 
 
 def log(x: Number) -> Number:
+    """The natural logarithm for any number type."""
     return library(x).log(x)
 
 
 def sin(x: Number) -> Number:
+    """The sine of an angle in rad, for any number type."""
     return library(x).sin(x)
 
 
 def cos(x: Number) -> Number:
+    """The cosine of an angle in rad, for any number type."""
     return library(x).cos(x)
 
 
@@ -79,14 +89,17 @@ def turn_together(*angles: Number) -> None:
 
 
 def erf(x: Number) -> Number:
+    """The error function for any number type."""
     return library(x).erf(x)
 
 
 def erfc(x: Number) -> Number:
+    """The complementary error function for any number type."""
     return library(x).erfc(x)
 
 
 def atan2(y: Number, x: Number) -> Number:
+    """The angle of the vector (x, y), rad, for any number type."""
     return library(y if is_dual(y) or is_float(x) else x).atan2(y, x)
 
 

@@ -15,18 +15,22 @@ from . import dispatch
 
 
 def is_zero(slope: Any) -> bool:
+    """Whether a slope is the float 0, which marks a constant."""
     return isinstance(slope, float) and slope == 0.0
 
 
 def scale_slope(slope: Any, factor: Any) -> Any:
+    """A slope times a factor, without computation for a constant."""
     return 0.0 if is_zero(slope) else slope * factor
 
 
 def add_slopes(a: Any, b: Any) -> Any:
+    """The sum of two slopes, without computation for a constant."""
     return b if is_zero(a) else a if is_zero(b) else a + b
 
 
 def subtract_slopes(a: Any, b: Any) -> Any:
+    """The difference of two slopes, without computation for a constant."""
     return a if is_zero(b) else -b if is_zero(a) else a - b
 
 

@@ -16,6 +16,7 @@ Interval = Any
 
 
 def interval(low: float | Interval, high: float | Interval) -> Interval:
+    """The interval from the lower end of `low` to the upper end of `high`."""
     return arb(low).union(arb(high))
 
 
@@ -27,7 +28,7 @@ def interval_around(value: float, off: float) -> Interval:
 
 
 def ends(x: Interval) -> tuple[float, float]:
-    """The ends of an interval as floats, rounded outwards by a little."""
+    """The ends (low, high) of an interval as floats, rounded outwards by a little."""
     low, high = float(x.lower()), float(x.upper())
     slack = 1e-15 * (abs(low) + abs(high)) + 1e-300
     return low - slack, high + slack

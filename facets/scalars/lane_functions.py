@@ -36,10 +36,12 @@ ROUNDING = 1.5 * 2.0**52
 
 
 def sine(x: Value) -> Value:
+    """The sine of an angle in rad of any size."""
     return turn(x)[0]  # type: ignore[no-any-return]
 
 
 def cosine(x: Value) -> Value:
+    """The cosine of an angle in rad of any size."""
     return turn(x)[1]  # type: ignore[no-any-return]
 
 
@@ -119,6 +121,7 @@ def logarithm(x: Value) -> Value:
 
 
 def arc_tangent(y: Value, x: Value) -> Value:
+    """The angle of the vector (x, y), rad."""
     code, high, wide = x.writer, abs(y), abs(x)
     steep, middle = high > wide * TAN_3, high > wide * TAN_1
     above = code.select(steep, -wide, code.select(middle, high - wide, high))

@@ -62,6 +62,7 @@ def shuffle(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
 
 
 def splat(builder: Any, number: Any, kind: Any) -> Any:
+    """A vector of this kind whose lanes all hold a number."""
     empty = ir.Constant(kind, ir.Undefined)
     first = builder.insert_element(empty, number, ir.Constant(SHORT, 0))
     return shuffle(builder, first, empty, [0] * kind.count)

@@ -108,6 +108,7 @@ def polynomial(x: Number, coefficients: Sequence[float]) -> Number:
 
 
 def horner(x: Number, coefficients: Sequence[float]) -> Number:
+    """The value at x of a polynomial with coefficients from order 0 upwards."""
     total = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         total = total * x + coefficient

@@ -127,7 +127,7 @@ class PoseComparison:
             self.worst = max(self.worst, off)
 
     def doubt(self, numbers: NDArray[np.int64]) -> None:
-        """Note the first of samples that are different or absent."""
+        """Note the number of the first of samples that are different or absent."""
         if len(numbers):
             self.since = int(min(numbers.min(), inf if self.since is None else self.since))
 

@@ -80,7 +80,8 @@ def add_sum(event: bytes, before: int) -> bytes:
 
 
 def are_events_whole(events: bytes | None) -> bool:
-    """Whether each line has the sum that it was written with; the last may be torn."""
+    """Whether each line has the sum that it was written with; the last may be torn. False if there
+    are none."""
     if events is None:
         return False
     crc = 0
@@ -114,16 +115,19 @@ def read_rows(raw: bytes) -> tuple[NDArray[np.void], int]:
 
 
 def is_sound(row: bytes) -> bool:
+    """Whether a row has the checksum that it was written with."""
     return zlib.crc32(row[:-4]) == int.from_bytes(row[-4:], "little")
 
 
 def pack_encoder(encoder: Encoder | None) -> list[float]:
+    """The encoder's time, s, place, mm, and speed, mm/s, as five numbers; NaN for none."""
     if encoder is None:
         return [np.nan] * 5
     return [encoder.time, *encoder.place, *encoder.speed]
 
 
 def unpack_encoder(row: NDArray[np.float64]) -> Encoder | None:
+    """The encoder of five numbers; None if the first is NaN."""
     return None if np.isnan(row[0]) else Encoder(float(row[0]), row[1:3].copy(), row[3:5].copy())
 
 

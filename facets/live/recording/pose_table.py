@@ -48,6 +48,7 @@ def stream_parts(columns: Columns) -> tuple[bytes, bytes]:
 
 
 def crc_of(columns: Columns) -> int:
+    """The CRC-32 of the names and bytes of all columns."""
     crc = 0
     for name, column in columns.items():
         crc = zlib.crc32(np.ascontiguousarray(column).tobytes(), zlib.crc32(name.encode(), crc))

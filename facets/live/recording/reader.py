@@ -130,6 +130,8 @@ def indexed_blocks(
 
 
 def read_index(folder: Path, salvage: bool) -> bytes:
+    """The bytes of the index; raises `InputError` if it cannot be read, unless `salvage`: then it
+    is empty."""
     path = folder / "index.bin"
     try:
         return path.read_bytes()
@@ -145,6 +147,7 @@ def read_index(folder: Path, salvage: bool) -> bytes:
 
 
 def missing_file(path: Path, error: OSError, remedy: str) -> InputError:
+    """The error about a file that is missing or cannot be read, with a remedy."""
     if isinstance(error, FileNotFoundError):
         return InputError(f"{path}: is missing; {remedy}")
     return InputError(f"{path}: cannot be read: {error.strerror}; {remedy}")
@@ -154,6 +157,7 @@ def any_agrees(rows: Any, file: BinaryIO) -> bool:
     """Whether the file holds the bytes of any row; then seek the beginning of the file."""
 
     def agrees(row: Any) -> bool:
+        """Whether a row of the index proves the bytes at its place."""
         file.seek(int(row["offset"]))
         return proves(row, file.read(int(row["length"])))
 
@@ -171,7 +175,8 @@ def size_of(folder: Path) -> int:
 
 
 def utc_offset(folder: Path) -> float | None:
-    """The wall clock's time less the host's monotonic time at the recording's beginning, s."""
+    """The wall clock's time less the host's monotonic time at the recording's beginning, s; None if
+    no row states both."""
     rows, _ = read_rows(read_index(folder, salvage=True))
     timed = rows[np.isfinite(rows["monotonic"])]
     return float(timed["utc"][0] - timed["monotonic"][0]) if len(timed) else None

@@ -88,6 +88,7 @@ def replay(
     held: list[Block] = []
 
     def solve_together() -> Iterator[RunPoses]:
+        """Solve the blocks that wait, together, and yield their poses."""
         for poses in solve_blocks(pipeline, held) if held else ():
             if doubtful and damage.since is None:
                 damage.since = int(poses.seq[0])

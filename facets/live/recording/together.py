@@ -74,4 +74,5 @@ def solve_together(pipeline: Pipeline, batches: Sequence[Batch]) -> Iterator[Run
 
 
 def halves(parts: Sequence[Any]) -> tuple[Sequence[Any], Sequence[Any]]:
+    """The first and the second half of some parts."""
     return parts[: len(parts) // 2], parts[len(parts) // 2 :]

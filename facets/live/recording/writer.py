@@ -138,7 +138,8 @@ class Recording(ClosedAtExit, Sink):
             return error is None
 
     def append(self, name: str, parts: tuple[bytes, ...]) -> OSError | None:
-        """Append all of the parts to a file or none; return the error that prevented it."""
+        """Append all of the parts to a file or none; return the error that prevented it, else
+        None."""
         before = self.sizes[name]
         try:
             for part in parts:
@@ -236,10 +237,12 @@ class Recording(ClosedAtExit, Sink):
             closing.callback(self.end_poses)
 
     def close_file(self, handle: int) -> None:
+        """Close a file; errors are ignored."""
         with suppress(OSError):
             self.disk.close(handle)
 
     def end_poses(self) -> None:
+        """Write the poses that wait, and the end of their stream."""
         self.flush()
         if self.has_schema:
             self.put("poses.arrows", pose_table.END)
@@ -270,6 +273,7 @@ class Recording(ClosedAtExit, Sink):
         return ["; ".join(parts)] if parts else []
 
     def values(self) -> dict[str, Any]:
+        """The entries of a status: the folder, and the number of bytes not recorded."""
         return {"recording": str(self.folder), "not_recorded_bytes": self.lost}
 
     def discard(self) -> None:
@@ -301,10 +305,12 @@ class Syncer(threading.Thread):
         self.ending = threading.Event()
 
     def run(self) -> None:
+        """Force the recording's data to the disk at intervals until the end."""
         while not self.ending.wait(self.seconds):
             self.recording.sync()
 
     def finish(self) -> None:
+        """End the thread, and wait for it at most 10 s."""
         self.ending.set()
         if self.is_alive():
             self.join(timeout=10.0)

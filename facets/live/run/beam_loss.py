@@ -39,6 +39,7 @@ class BeamLoss:
 
     @property
     def sentence(self) -> str:
+        """The fraction of time and the seconds of lost beam, as a sentence."""
         if not self.solved:
             return "The stage never moved, because there was no pose to follow."
         seconds = self.end - self.begin

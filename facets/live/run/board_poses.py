@@ -149,4 +149,6 @@ class BoardPoses:
         return list(filter(None, [self.trouble()]))
 
     def values(self) -> dict[str, Any]:
+        """The entries of a status: numbers of poses received and compared, and the worst
+        difference."""
         return {"came": self.came, "compared": self.compared, "worst_u": self.worst}

@@ -112,7 +112,8 @@ class Trust:
         return ""
 
     def is_frozen(self, part: NDArray[np.intp], others: NDArray[np.intp]) -> bool:
-        """Whether the counts of a part stay the same for a reason other than chance."""
+        """Whether the counts of a part (indices of electrodes) stay the same for a reason other
+        than chance."""
         counts, noise_fraction = self.last[0], 1.0
         if len(others):
             noise_fraction, most = MIN_NOISE_FRACTION, 2**self.electronics.adc_bits - 1
@@ -216,4 +217,5 @@ class Doubts:
         return self.counts[name] / max(1, self.samples)
 
     def percent(self, name: str) -> str:
+        """The fraction of samples with a doubt, as a percentage in text."""
         return f"{100 * self.fraction(name):.0f} %"

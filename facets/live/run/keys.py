@@ -40,6 +40,7 @@ def watch_keys(actions: Mapping[str, Callable[[], None]]) -> Iterator[None]:
 def listen(
     read: Callable[[], str], actions: Mapping[str, Callable[[], None]], ending: threading.Event
 ) -> None:
+    """Call the action of each key that is read, until the run ends."""
     while not ending.is_set():
         for key in read():
             if key in actions:
@@ -78,6 +79,7 @@ class Terminal:
         return data.decode("ascii", "ignore")
 
     def restore(self) -> None:
+        """Restore the terminal's settings; errors are ignored."""
         import termios
 
         with suppress(OSError, termios.error):

@@ -98,7 +98,7 @@ class Live:
 
     @property
     def current(self) -> RunPoses | None:
-        """The newest poses, unless the board has fallen silent since."""
+        """The newest poses, None before the first ones and when the board has fallen silent."""
         return None if self.silence else self.newest
 
     def add_arrival(self, arrival: float) -> None:

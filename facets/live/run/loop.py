@@ -60,6 +60,7 @@ class Backlog:
         return len(self.batches)
 
     def add(self, batches: list[Batch]) -> None:
+        """Append batches that wait to be solved."""
         self.batches.extend(batches)
         self.samples += sum(map(len, batches))
 
@@ -68,6 +69,7 @@ class Backlog:
         return now - self.batches[0].arrival if self.batches else 0.0
 
     def pop(self, newest: bool) -> Batch:
+        """Remove and return the newest or the oldest batch."""
         batch = self.batches.pop() if newest else self.batches.popleft()
         self.samples -= len(batch)
         return batch
@@ -85,6 +87,7 @@ class Ending:
         self.seconds, self.samples, self.is_over = seconds, samples, is_over
 
     def is_reached(self, live: Live) -> bool:
+        """Whether the time, the number of samples or the caller ends the run."""
         if self.is_over():
             return True
         passed = live.now - live.begin
@@ -126,6 +129,7 @@ class Loop:
                 self.take(self.reader.next_block())
 
     def take(self, block: Block) -> None:
+        """Parse a block, queue its samples, and report a permit or a clock that changed."""
         clock, tally = self.live.pipeline.host_time, self.live.pipeline.tally
         moves, samples = clock.moves, tally.samples
         batches = self.live.pipeline.take(block.data, block.arrival, block.encoder)
@@ -150,6 +154,7 @@ class Loop:
             self.give_up()
 
     def give_up(self) -> None:
+        """Skip the oldest batch, and give the sinks its samples unsolved."""
         self.give_to_sinks(self.live.pipeline.skip(self.backlog.pop(newest=False)))
 
     def pass_on(self, poses: RunPoses, arrival: float) -> None:
@@ -226,7 +231,8 @@ class Loop:
 def end_of(
     error: BaseException | None, signals: Sequence[int], complaints: Callable[[], list[str]]
 ) -> tuple[int, list[str]]:
-    """Exit status of a run that an error, a signal or nothing ended, and the reasons for it."""
+    """Exit status (0, 1, 2 or 128 plus the signal) of a run that an error, a signal or nothing
+    ended, and the reasons for it."""
     reasons = complaints()
     if error is not None and not isinstance(error, KeyboardInterrupt):
         is_expected = isinstance(error, FacetsError)

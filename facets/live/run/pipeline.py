@@ -113,7 +113,7 @@ class RunPoses(Poses):
 
     @property
     def further(self) -> dict[str, Floats]:
-        """The columns that only some runs have: of the object, and of auxiliary channels."""
+        """The columns (n,) that only some runs have: of the object, and of auxiliary channels."""
         return {**self.object, **self.channels}
 
     def columns(self) -> dict[str, Any]:
@@ -201,7 +201,8 @@ class Pipeline:
         return join_poses(parts) if parts else None
 
     def take(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> list[Batch]:
-        """Return the samples that a block completes, in batches to be solved, in order."""
+        """Return the samples that a block completes, in batches to be solved, in order. arrival:
+        see `feed`."""
         return self.follow([ParsedBlock(self.parser.feed(block), arrival, encoder)])
 
     def follow(self, blocks: Sequence[ParsedBlock]) -> list[Batch]:

@@ -72,6 +72,7 @@ class Reader(threading.Thread):
         self.error: FacetsError | None = None
 
     def run(self) -> None:
+        """Read the port until the source or the run ends."""
         for _ in self.steps():
             pass
 
@@ -102,6 +103,7 @@ class Reader(threading.Thread):
                 port.close()
 
     def close_spare(self) -> None:
+        """Close the port that was opened in advance, if any."""
         if self.spare is not None:
             self.spare.close()
             self.spare = None
@@ -116,6 +118,8 @@ class Reader(threading.Thread):
             self.port.read()
 
     def step(self) -> None:
+        """Read once, or open the port again if it disappeared. Raises the error of the port unless
+        it shall be opened again."""
         if self.port is None:
             self.reopen()
             return
@@ -188,6 +192,7 @@ class Reader(threading.Thread):
         self.queue.put(block)
 
     def reopen(self) -> None:
+        """Try to open the port; wait for REOPEN_INTERVAL_S if it cannot be opened."""
         try:
             self.use_port(open_port(self.port_name, self.settings.baud))
         except PortError:

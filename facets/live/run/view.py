@@ -111,6 +111,7 @@ def round_digits(value: float) -> float | None:
 
 
 def json_line(live: Live) -> str:
+    """The state of the run as one line of JSON."""
     return json.dumps(values(live))
 
 
@@ -129,6 +130,7 @@ def pose_in_words(now: dict[str, Any]) -> str:
 
 
 def plain_line(live: Live) -> str:
+    """The state of the run as one line of text."""
     now = values(live)
     percent = f" ({100 * now['loss']:.3g} %)" if now["loss"] else ""
     text = f"{now['seconds']:.1f} s  {pose_in_words(now)}  {now['rate_hz']:.0f}/s"

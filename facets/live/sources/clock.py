@@ -166,7 +166,8 @@ class Sequence:
     def sort_out(
         self, samples: RawSamples, arrival: float
     ) -> tuple[RawSamples, NDArray[np.int64], NDArray[np.int64]]:
-        """Follow samples run by run, if a counter does not simply continue."""
+        """Follow samples run by run, if a counter does not simply continue. Returns the samples
+        that are kept, and their numbers and times, us, (n,)."""
         keep = np.zeros(len(samples), dtype=bool)
         seqs: list[NDArray[np.int64]] = []
         times: list[NDArray[np.int64]] = []
@@ -263,7 +264,8 @@ class Sequence:
         return self.period > 0 and is_past and self.agrees(earlier, back)
 
     def find_count(self, number: int, at: int, arrival: float, limit: int) -> CounterState | None:
-        """The earlier count that a sample continues with the fewest missing before it, if any.
+        """The earlier count that a sample continues with the fewest missing before it, None if
+        there is none.
 
         limit: the step to the sample must be below this one.
         """

@@ -111,6 +111,7 @@ def pack(samples: RawSamples) -> bytes:
 
 
 def samples_from(frames: NDArray[np.void]) -> RawSamples:
+    """Convert frames (n,) to samples."""
     kind, flags, seq, time, counts, channels = (
         np.array(frames[name]) for name in ("kind", "flags", "seq", "time", "counts", "channels")
     )
@@ -130,8 +131,8 @@ def sound_frames(view: memoryview, dtype: np.dtype[np.void]) -> int:
 
 
 def are_sound(view: memoryview, dtype: np.dtype[np.void]) -> NDArray[np.bool_]:
-    """Whether each of the frames, one after the other, has the sign, the number of channels and a
-    CRC-32 that is right."""
+    """Whether each of the frames (n,), one after the other, has the sign, the number of channels
+    and a CRC-32 that is right."""
     frames, size = np.frombuffer(view, dtype), dtype.itemsize
     sums = [zlib.crc32(view[at : at + size - 4]) for at in range(0, len(view), size)]
     sound: NDArray[np.bool_] = (frames["crc"] == sums) & (frames["sync"] == SIGN)
@@ -143,6 +144,7 @@ class FixedFrames(Parser):
     """Format "frames": 64 bytes each, and 4 for each auxiliary channel, one after the other."""
 
     def feed(self, block: bytes) -> RawSamples:
+        """Return the samples that a block completes; damaged frames are counted and skipped."""
         raw, size = self.rest + block, self.dtype.itemsize
         view = memoryview(raw)
         good: list[bytes | memoryview] = []
@@ -184,6 +186,7 @@ class CobsFrames(Parser):
         self.coded = self.dtype.itemsize + 1
 
     def feed(self, block: bytes) -> RawSamples:
+        """Return the samples that a block completes; damaged frames are counted and skipped."""
         *parts, self.rest = (self.rest + block).split(b"\0")
         complete = [part for part in parts if len(part) == self.coded]
         self.refuse([part for part in parts if part and len(part) != self.coded])
@@ -196,6 +199,7 @@ class CobsFrames(Parser):
         return samples_from(np.ascontiguousarray(raw[fine]).view(self.dtype).ravel())
 
     def refuse(self, parts: list[bytes]) -> None:
+        """Count damaged frames and their bytes."""
         self.corrupt += len(parts)
         self.skipped += sum(len(part) + 1 for part in parts)
 
@@ -242,6 +246,8 @@ class TextLines(Parser):
         self.kind = kind
 
     def feed(self, block: bytes) -> RawSamples:
+        """Return the samples of the lines that a block completes; damaged lines are counted and
+        skipped."""
         *lines, self.rest = (self.rest + block).split(b"\n")
         if len(self.rest) > self.LONGEST:
             lines, self.rest = [*lines, self.rest], b""
@@ -262,6 +268,8 @@ class TextLines(Parser):
         )
 
     def numbers(self, line: bytes) -> list[Any] | None:
+        """The numbers of a line; None for an empty, commented or damaged line, of which the last is
+        counted."""
         text = line.strip()
         if not text or text.startswith(b"#"):
             return None

@@ -77,6 +77,7 @@ class ClockLine(NamedTuple):
         return self.offset + self.rate * (host - self.middle)
 
     def host_times(self, device: Floats) -> Floats:
+        """Times (n,) on the host's clock, s, of times (n,) on the board's clock, s."""
         times: Floats = self.middle + (device + self.offset - self.middle) / (1 - self.rate)
         return times
 
@@ -234,8 +235,11 @@ def median_scale(over: Floats) -> float:
 
 
 def hull_slope(x: Floats, y: Floats, single: float) -> float:
-    """The slope of the lower convex hull where x, of mean zero and ascending, is zero: that of the
-    line with the least sum of distances; `single` for a single point."""
+    """The slope, where x is zero, of the lower convex hull of points x, y (n,) with ascending x of
+    mean zero; `single` for a single point.
+
+    This is the slope of the line below all points with the least sum of distances.
+    """
     hull: list[tuple[float, float]] = []
     for point in zip(x.tolist(), y.tolist(), strict=True):
         while len(hull) > 1 and turns_down(hull[-2], hull[-1], point):

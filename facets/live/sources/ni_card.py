@@ -52,7 +52,8 @@ def numbers_of(
 
 
 def counts_of_volts(volts: Floats, bits: float, full: float) -> Any:
-    """Counts of a converter of `bits` bits for `full` volts, clipped to its range."""
+    """Counts of a converter of `bits` bits for `full` volts, clipped to its range; an array of the
+    voltages' shape."""
     top = 2**bits - 1
     return np.clip(np.round(volts * (2**bits / full)), -top, top).astype(np.int32)
 

@@ -133,6 +133,8 @@ class ConnectionPort(SocketPort):
     FORM = "socket://HOST:PORT"
 
     def open(self, parts: SplitResult) -> socket.socket:
+        """Connect to the host and port of a URL; raises `ValueError` if one is missing, `OSError`
+        if nobody answers."""
         if not parts.hostname or parts.port is None:
             raise ValueError
         line = socket.create_connection((parts.hostname, parts.port), CONNECT_TIMEOUT_S)
@@ -140,11 +142,13 @@ class ConnectionPort(SocketPort):
         return line
 
     def receive(self) -> bytes:
+        """Receive bytes; raises `OSError` when the other end has closed the connection."""
         if not (data := self.line.recv(MAX_READ_BYTES)):
             raise OSError(errno.EPIPE, "its other end closed the connection")
         return data
 
     def send(self, data: bytes) -> int:
+        """Send bytes, and return the number that was sent."""
         return self.line.send(data)
 
 
@@ -168,6 +172,8 @@ class DatagramPort(SocketPort):
     refused, stranger = 0, ""
 
     def open(self, parts: SplitResult) -> socket.socket:
+        """Bind the port of a URL; raises `ValueError` for a malformed one, `OSError` if the port
+        cannot be bound."""
         options = dict(parse_qsl(parts.query, keep_blank_values=True))
         host = options.pop("from", "first")
         if parts.port is None or options or not host:
@@ -228,6 +234,7 @@ class FilePort(ClosedAtExit):
         self.path, self.ended = path, False
 
     def read(self) -> bytes:
+        """Read a block; empty at the end. Raises `PortError` if the file cannot be read."""
         try:
             block = self.file.read(MAX_READ_BYTES)
         except OSError as error:
@@ -297,7 +304,7 @@ def open_port(name: str, baud: int) -> Source:
 
 
 def source_of(name: str) -> EntryPoint | None:
-    """The entry point of `facets.sources` that opens the port of a name, if there is one."""
+    """The entry point of `facets.sources` that opens the port of a name, None if there is none."""
     scheme, colon, _ = name.partition(":")
     if not colon or len(scheme) < 2:  # a letter is a drive
         return None

@@ -47,11 +47,13 @@ class McapFile(ClosedAtExit):
             self.object = self.channel("/facets/object", "foxglove.PoseInFrame", pose_schema())
 
     def channel(self, topic: str, name: str, schema: dict[str, Any]) -> int:
+        """Register a channel with its schema, and return its number."""
         schema_number = self.writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
         number: int = self.writer.register_channel(topic, "json", schema_number)
         return number
 
     def write(self, poses: RunPoses) -> None:
+        """Write the samples and poses of solved readings."""
         rows = rows_of(poses, self.offset)
         times = np.round(rows["utc_s"] * NANO).astype(np.int64).tolist()
         numbers, texts = rows["seq"].tolist(), json_of(rows)
@@ -67,6 +69,7 @@ class McapFile(ClosedAtExit):
                 self.writer.add_message(channel, times[n], data, times[n], numbers[n] % 2**32)
 
     def close(self) -> None:
+        """Write the file's end, and close it."""
         self.writer.finish()
         self.file.close()
 
@@ -98,7 +101,10 @@ def pose_messages(poses: Floats, times: list[int]) -> list[tuple[int, dict[str, 
 
 
 def sample_schema(content: dict[str, Any]) -> dict[str, Any]:
+    """The JSON Schema of a sample with these columns."""
+
     def number(name: str) -> dict[str, str]:
+        """The schema of a column, with its unit."""
         return {"type": "number", "description": unit_of(name, content["channels"])}
 
     groups = group_columns(numbers_of(sample_dtype(content)))
@@ -122,7 +128,10 @@ def sample_schema(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def pose_schema() -> dict[str, Any]:
+    """The JSON Schema of Foxglove's `PoseInFrame`."""
+
     def parts(names: str) -> dict[str, Any]:
+        """The schema of an object of numbers, one for each letter."""
         return {"type": "object", "properties": {name: {"type": "number"} for name in names}}
 
     time = {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}

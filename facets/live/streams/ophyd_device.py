@@ -100,12 +100,15 @@ class PoseSensor(
         super().__init__(name=name)
 
     async def _open(self) -> RowStream:
+        """Return the stream, which is opened on the first call; raises its error if it has
+        failed."""
         if self._stream is None:
             self._stream = await asyncio.to_thread(RowStream, self._config, self._address)
         self._stream.check()
         return self._stream
 
     def _require_stream(self) -> RowStream:
+        """Return the stream; raise `FacetsError` if it is not open."""
         if self._stream is None:
             raise FacetsError(f"{self.name}: is not staged and was neither triggered nor flown")
         return self._stream
@@ -151,12 +154,15 @@ class PoseSensor(
         }
 
     async def describe(self) -> dict[str, DataKey]:
+        """The description of each column of a reading, by its key."""
         return {self._key(name): self._data_key(name) for name in columns_of(self._dtype)}
 
     async def describe_collect(self) -> dict[str, DataKey]:
+        """The description of each column of a flight, as by `describe`."""
         return await self.describe()
 
     async def read_configuration(self) -> dict[str, Reading[Any]]:
+        """The configuration's name, object and checksum, and the software, as readings."""
         now = time.time()
         return {
             self._key(name): Reading(value=value, timestamp=now)
@@ -164,6 +170,7 @@ class PoseSensor(
         }
 
     async def describe_configuration(self) -> dict[str, DataKey]:
+        """The description of each entry of `read_configuration`."""
         return {
             self._key(name): DataKey(source=self._address, dtype="string", shape=[])
             for name in self._describe_configuration()
@@ -171,6 +178,7 @@ class PoseSensor(
 
     @property
     def hints(self) -> Hints:
+        """The columns that bluesky plots and prints: the six axes."""
         prefix = "" if self._config.object is None else "object_"
         return {"fields": [self._key(f"{prefix}{name}") for name in STATE_COLUMNS[:6]]}
 
@@ -218,6 +226,7 @@ class PoseSensor(
             )
 
     def _is_whole(self, stream: RowStream) -> bool:
+        """Whether the stream holds all rows of the reading or flight."""
         if self._left is None:
             return bool(stream.newest > self._end)
         return stream.held.count >= self._left
@@ -239,12 +248,14 @@ class PoseSensor(
             )
 
     def _gather(self, stream: RowStream) -> Rows:
+        """Remove and return the rows of the reading or flight."""
         rows = stream.take(self._left)
         if self._left is not None:
             self._left -= len(rows)
         return rows[rows["host_s"] <= self._end]
 
     def _describe_configuration(self) -> dict[str, str]:
+        """The entries of the configuration as texts."""
         body = self._config.object
         return {
             "config": self._config.name,
@@ -256,9 +267,11 @@ class PoseSensor(
         }
 
     def _key(self, name: str) -> str:
+        """The key of a column: the device's name and the column's."""
         return f"{self.name}-{name}"
 
     def _data_key(self, name: str) -> DataKey:
+        """The description of a column: source, type and unit."""
         kind = self._dtype[name].kind
         dtype = "string" if name == "status" else "integer" if kind in "iu" else "number"
         key = DataKey(source=self._address, dtype=dtype, shape=[])  # type: ignore[typeddict-item]

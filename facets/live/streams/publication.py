@@ -95,12 +95,14 @@ class Publications(ClosedAtExit, Sink):
         self.outlet.send(rows_of(poses, self.offset))
 
     def refresh(self) -> None:
+        """Take in the receivers' messages, and publish the run's status if it is due."""
         self.outlet.refresh()
 
     def close(self) -> None:
         self.outlet.close()
 
     def messages(self) -> list[str]:
+        """A sentence for each receiver to which publishing has ended."""
         return [
             f"{target['address']}: publishing has ended: {target['trouble']}"
             for target in self.counts()
@@ -108,6 +110,7 @@ class Publications(ClosedAtExit, Sink):
         ]
 
     def values(self) -> dict[str, Any]:
+        """The entry of a status: the counts of each receiver."""
         return {"published": self.counts()}
 
     def counts(self) -> list[dict[str, Any]]:

@@ -44,6 +44,8 @@ class HeldRows:
         self.count = self.lost = 0
 
     def add(self, rows: Rows) -> None:
+        """Keep rows since `begin`; all of them are counted as lost if that would exceed
+        MAX_HELD_ROWS."""
         rows = rows[rows["host_s"] >= self.begin]
         if self.count + len(rows) > MAX_HELD_ROWS:
             self.lost += len(rows)
@@ -52,7 +54,7 @@ class HeldRows:
         self.count += len(rows)
 
     def take(self, most: int | None = None) -> Rows:
-        """Remove and return the oldest rows: all, or at most `most`."""
+        """Remove and return the oldest rows: all, or at most `most`; empty if there are none."""
         rows = np.concatenate(self.parts) if self.parts else np.empty(0, SAMPLE)
         most = self.count if most is None else most
         self.parts, self.count = [rows[most:]], max(self.count - most, 0)
@@ -86,6 +88,7 @@ class RowStream:
         self.thread.start()
 
     def rows(self) -> Iterator[Rows]:
+        """Yield the rows of the other process or of the board as they come."""
         if self.remote is not None:
             for rows in self.remote:
                 yield same_columns(rows, self.dtype)
@@ -101,6 +104,7 @@ class RowStream:
             yield same_columns(rows_of(part, offset), self.dtype)
 
     def run(self) -> None:
+        """Keep rows until the stream or the device ends; an error is kept for `check`."""
         try:
             for rows in self.rows():
                 self.add(rows)
@@ -114,6 +118,7 @@ class RowStream:
                 self.news.notify_all()
 
     def add(self, rows: Rows) -> None:
+        """Keep rows; a patient stream first waits for room."""
         with self.news:
             while self.patient and self.held.count > self.ahead and not self.ending.is_set():
                 self.news.wait(0.1)
@@ -143,7 +148,8 @@ class RowStream:
                 self.held = HeldRows(np.inf)
 
     def take(self, most: int | None = None) -> Rows:
-        """Remove and return the oldest kept rows: all, or at most `most`."""
+        """Remove and return the oldest kept rows: all, or at most `most`; empty if there are
+        none."""
         with self.news:
             rows = self.held.take(most)
             self.news.notify_all()

@@ -78,9 +78,11 @@ class Lsl:
 
     @property
     def receivers(self) -> int:
+        """1 if somebody receives, else 0."""
         return int(self.outlet.have_consumers())
 
     def send(self, rows: Rows) -> int:
+        """Send rows; return the number of rows that somebody received."""
         heard = self.outlet.have_consumers()
         values = np.column_stack([rows[name].astype(float) for name in self.channels])
         self.outlet.push_chunk(values.tolist(), (rows["host_s"] + self.offset).tolist())
@@ -118,6 +120,7 @@ def pass_on(feed: RunFeed, sender: Udp | Lsl) -> None:
 
 
 def main() -> None:
+    """Send the samples of a run to the address of the command line; report an error to the run."""
     with RunFeed() as feed:
         try:
             sender = open_sender(sys.argv[1], feed.about)

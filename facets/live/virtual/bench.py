@@ -140,6 +140,7 @@ class Bench:
                     time.sleep(ROUND_INTERVAL_S)
 
     def write_counts(self) -> None:
+        """Write the counts of samples to the bench's folder."""
         (self.folder / "counts.json").write_text(json.dumps(asdict(self.count)), "utf-8")
 
     def summary(self) -> Iterator[str]:
@@ -238,12 +239,13 @@ def truth_rows(
     states: NDArray[np.float64],
     fate: NDArray[np.uint8],
 ) -> bytes:
+    """The bytes of rows of `TRUTH` of samples (n,), with states (n, 8), mm and rad."""
     rows = np.zeros(len(seq), TRUTH)
     rows["seq"], rows["fate"], rows["host"], rows["state"] = seq, fate, host, states
     return rows.tobytes()
 
 
 def truth_of(folder: Path) -> NDArray[np.void]:
-    """The rows of `TRUTH` that a bench wrote to its folder."""
+    """The rows of `TRUTH` (n,) that a bench wrote to its folder."""
     raw = (folder / "truth.bin").read_bytes()
     return np.frombuffer(raw, TRUTH, len(raw) // TRUTH.itemsize)

@@ -278,7 +278,7 @@ class Board:
 
     def send(self, samples: RawSamples) -> NDArray[np.uint8]:
         """Put samples with their faults into the board's buffer, as far as it takes them, and
-        return their fates."""
+        return their fates (n,)."""
         fate = np.full(len(samples), SENT, np.uint8)
         if self.overrun:
             samples.flags[0] |= OVERRUN

@@ -83,6 +83,7 @@ class Faults:
 
     @classmethod
     def names(cls) -> list[str]:
+        """The names of all faults."""
         return [field.name for field in fields(cls)]
 
 

@@ -44,6 +44,7 @@ class SimulatedClock:
         return self.time
 
     def advance(self, seconds: float) -> None:
+        """Advance by some seconds, and sleep while the clock is ahead of the real one."""
         self.time += seconds
         self.due = max(self.due + seconds, time.monotonic() - CATCHING_UP_S)
         if (ahead := self.due - time.monotonic()) > 0:
@@ -77,10 +78,12 @@ class BenchInProcess(Bench):
         self.board.switch_on(self.begin)
 
     def open_lines(self, has_truth: bool) -> Wire:
+        """Make the board's line; the bench has no other one."""
         self.line = Wire()
         return self.line
 
     def open_stage(self) -> StageLine:
+        """Make the line to the bench's stage."""
         return StageLine(self)
 
     def read(self) -> bytes:
@@ -105,9 +108,12 @@ class StageLine:
         self.bench, self.answers = bench, b""
 
     def write(self, data: bytes) -> None:
+        """Send bytes to the stage, and keep its answers."""
         self.answers += self.bench.receive(data)
 
     def read(self, size: int) -> bytes:
+        """At most `size` bytes of the answers; without any, the clock advances by POLL_S and the
+        result is empty."""
         if not self.answers:
             self.bench.clock.advance(POLL_S)
         data, self.answers = self.answers[:size], self.answers[size:]
@@ -133,6 +139,7 @@ class BenchReader(Reader):
         self.bench.line.take()
 
     def is_alive(self) -> bool:
+        """Whether the bench neither failed nor ended."""
         return not (self.error or self.ending.is_set())
 
     def finish(self) -> None:

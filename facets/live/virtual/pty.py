@@ -19,6 +19,8 @@ class Pty:
         self.open()
 
     def open(self) -> None:
+        """Open the line, and link its other end to the path; raises `OutputError` if that cannot be
+        made."""
         import termios  # not on Windows
         import tty
 
@@ -45,6 +47,7 @@ class Pty:
             return 0
 
     def read(self) -> bytes:
+        """The bytes that have come; empty if there are none or the other end is closed."""
         try:
             return os.read(self.end, 4096)
         except OSError:

@@ -44,7 +44,7 @@ class Reference:
         self.rows.append(self.mirror.between(times[due], self.poses))
 
     def columns(self) -> dict[str, Floats]:
-        """Columns time_s and ref_tx_mm ... of a table for `facets calibrate --reference`."""
+        """Columns (n,), time_s and ref_tx_mm ..., of a table for `facets calibrate --reference`."""
         if not self.times:
             return {"time_s": np.zeros(0)}
         return {"time_s": np.concatenate(self.times)} | reference_columns(np.concatenate(self.rows))

@@ -55,6 +55,7 @@ class ZaberDevice(VirtualController):
         }
 
     def restart(self) -> None:
+        """Restart the device; its target is then the place at which it is at rest."""
         super().restart()
         self.target = np.array(self.model.place)
 
@@ -92,6 +93,8 @@ class ZaberDevice(VirtualController):
         return "!BADCOMMAND"
 
     def get(self, axis: int, name: str) -> str:
+        """The answer to a query: the value of one axis, or of both for axis 0; "!BADCOMMAND" for an
+        unknown name."""
         position = (self.model.place - self.zero) / self.step
         table = {"pos": position, **self.limits}
         if name not in table:
@@ -100,12 +103,15 @@ class ZaberDevice(VirtualController):
         return " ".join(map(str, values if axis == 0 else values[axis - 1 : axis]))
 
     def set(self, axis: int, name: str, value: str) -> str:
+        """Set a limit of an axis; returns "0", or "!BADDATA" for an impossible one."""
         if name not in self.limits or axis not in (1, 2) or not value.isdigit():
             return "!BADDATA"
         self.limits[name][axis - 1] = int(value)
         return "0"
 
     def move(self, axis: int, word: str) -> str:
+        """Start a move of an axis to a position in steps; returns "0", or the reason to refuse
+        it."""
         try:
             unit = int(word)
         except ValueError:
@@ -122,6 +128,7 @@ class ZaberDevice(VirtualController):
 
     @property
     def status(self) -> str:
+        """The word that says whether the device moves."""
         return "IDLE" if self.model.is_settled else "BUSY"
 
 
@@ -134,19 +141,24 @@ class PiController(VirtualController):
         self.error = 0
 
     def receive(self, data: bytes) -> bytes:
+        """Take in bytes and return the answers; a stop acts at once, even in the middle of a
+        line."""
         for _ in range(data.count(STOP_ALL)):  # acts at once, in the middle of a line
             self.stop()
         return super().receive(data.replace(STOP_ALL, b""))
 
     def restart(self) -> None:
+        """Restart the controller without an error code."""
         super().restart()
         self.error = 0
 
     def stop(self) -> None:
+        """Stop the motion, and set the error code that a stop leaves."""
         self.model.halt()
         self.error = PI_STOPPED
 
     def answer(self, line: str) -> str:
+        """The answer to a line; empty for a command."""
         words = line.split()
         if not words:
             return ""
@@ -169,13 +181,15 @@ class PiController(VirtualController):
         return ""
 
     def values(self, query: str) -> Floats:
-        """The values of both axes that a query asks for."""
+        """The values (2,) of both axes that a query asks for."""
         if query == "POS?":
             position: Floats = self.model.place - self.zero
             return position
         return np.full(2, self.model.max_speed if query == "VEL?" else self.model.acceleration)
 
     def set(self, name: str, words: list[str]) -> None:
+        """Execute a command that sets targets, speeds or accelerations of axes; sets the error code
+        for a malformed one."""
         values = {}
         try:
             for axis, value in zip(words[::2], words[1::2], strict=True):
@@ -192,6 +206,8 @@ class PiController(VirtualController):
             self.model.acceleration = min(max(values.values()), self.most[1])
 
     def move(self, values: dict[int, float]) -> None:
+        """Start a move of axes to positions, mm; sets the error code if the controller refuses
+        it."""
         if self.refuse or not self.referenced:
             self.error = PI_SERVO_OFF
             return

@@ -107,8 +107,11 @@ class Bins:
         return sorted(self.numbers[self.numbers >= 0].tolist())
 
     def values(self, numbers: Integers) -> tuple[Integers, NDArray[np.float32]]:
-        """Return which of the bins with these numbers are kept, and their `bin_columns`; unknown
-        values are NaN."""
+        """Return the numbers (m,) of those of these bins that are kept, and their columns (m,
+        `bin_columns`).
+
+        Unknown values are NaN.
+        """
         places = numbers % self.count
         is_kept = self.numbers[places] == numbers
         numbers, places = numbers[is_kept], places[is_kept]
@@ -135,6 +138,7 @@ class AllBins(Bins):
     age = 0
 
     def add(self, times: Floats, rows: Rows) -> None:
+        """Add rows at times (n,), s, with wider bins if they are later than the last bin."""
         last = float(times.max(initial=0.0))
         while last >= self.width * self.count:
             self.widen()

@@ -82,6 +82,7 @@ class Guard:
         return ""
 
     def knows(self, host: str) -> bool:
+        """Whether the page is served under a host's name and port."""
         try:
             parts = urlsplit(f"//{host}")
             host, port = parts.hostname or "", parts.port or 80

@@ -148,6 +148,7 @@ class Hub:
         self.status = status
 
     def add_event(self, at: float | None, text: str, what: str) -> None:
+        """Add an event at a time, s, for all pages. what: its kind."""
         self.happened += 1
         self.events.append({"number": self.happened, "t": at, "text": text, "what": what})
 
@@ -158,7 +159,8 @@ class Hub:
             self.add_event(self.now(), reason, "")
 
     def now(self) -> float | None:
-        """The time after the origin: by this machine's clock, or of a replay's newest sample."""
+        """The time after the origin: by this machine's clock, or of a replay's newest sample, s;
+        None before the first sample."""
         if self.origin is not None and self.about.get("kind") == "acquire":
             return time.monotonic() - self.origin
         return self.newest["t"] if self.newest else None

@@ -63,6 +63,7 @@ class WebPage(Relay):
         outlet.status = status
 
     def hear(self, words: dict[str, Any]) -> None:
+        """Take in a reply of the page's process; a request of a page resumes the stage."""
         if words.pop("resume", False):
             self.resume()
         super().hear(words)

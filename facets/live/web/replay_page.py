@@ -86,6 +86,7 @@ class ReplayPage(ClosedAtExit):
             raise
 
     def status(self) -> dict[str, Any]:
+        """The status of the replay, and whether it is complete."""
         passed = (self.ended or time.monotonic()) - self.begin
         words = status_of_replay(self.pipeline, passed)
         return words | ({"finished": "The whole recording is solved."} if self.ended else {})

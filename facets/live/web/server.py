@@ -65,6 +65,7 @@ class Server:
         self.tasks: set[asyncio.Task[Any]] = set()
 
     def app(self) -> web.Application:
+        """The application with the page's addresses, which refuses whoever `guard` does."""
         from aiohttp import web
 
         @web.middleware
@@ -102,11 +103,13 @@ class Server:
         }
 
     async def redirect(self, request: web.Request) -> web.StreamResponse:
+        """Redirect an address without its last slash to the page."""
         from aiohttp import web
 
         raise web.HTTPFound(f"/{self.guard.token}/")
 
     async def file(self, request: web.Request) -> web.StreamResponse:
+        """Answer with a part of the page; raises 404 for an unknown one."""
         from aiohttp import web
 
         name = request.match_info["path"] or "index.html"
@@ -146,6 +149,7 @@ class Server:
     async def send_news(
         self, line: web.WebSocketResponse, page: Page, request: web.Request
     ) -> None:
+        """Send messages to one page until it has all; a page that takes none is dropped."""
         try:
             while not page.finished:
                 await page.wake.wait()
@@ -203,6 +207,7 @@ def listening(host: str, port: int) -> socket.socket:
 
 
 async def serve(feed: RunFeed, line: socket.socket) -> None:
+    """Serve the page at an open socket until the run ends."""
     from aiohttp import web
 
     page = feed.setup["page"]
@@ -220,6 +225,7 @@ async def serve(feed: RunFeed, line: socket.socket) -> None:
 
 
 def main() -> None:
+    """Serve the page of a run; an address that cannot be had is reported to the run."""
     with suppress(OSError, AttributeError):
         os.nice(NICE)
     with RunFeed() as feed:

@@ -70,6 +70,7 @@ def events(pipeline: Pipeline) -> dict[str, int]:
 
 
 def clock(pipeline: Pipeline) -> list[Item]:
+    """The items on the board's clock."""
     host_time = pipeline.host_time
     slowness = "ppm slow" if host_time.ppm > 0 else "ppm fast"
     why, sigma = "too few samples have arrived yet", 1e6 * host_time.uncertainty
@@ -80,6 +81,7 @@ def clock(pipeline: Pipeline) -> list[Item]:
 
 
 def recording(live: Live) -> str:
+    """The state of the recording in words."""
     values = live.values()
     if "recording" not in values:
         return "nothing is recorded (--no-record)"
@@ -88,7 +90,8 @@ def recording(live: Live) -> str:
 
 
 def stage(tracker: Tracker | None, newest: RunPoses | None) -> dict[str, Any]:
-    """Return the stage's position, its target and the difference of both, in mm."""
+    """Return the stage's position, its target and the difference of both, in mm; the entry `there`
+    is False without a stage or its position."""
     if tracker is None:
         return {"there": False, "why": "no stage is moved (--track moves one)"}
     envelope = tracker.envelope
