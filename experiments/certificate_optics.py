@@ -171,7 +171,7 @@ def edges_of(rig: IntervalSensor, angles: list[Any]) -> list[tuple[Any, Array]]:
 
 
 def openings_between(edges: list[tuple[Any, Array]]) -> list[Any]:
-    """Angles from each edge to the next, rad."""
+    """Angles from each edge to the next, rad. Raises `Refused` if one may reach half a turn."""
     turn = 2 * arb.pi()
     gaps = [edges[(k + 1) % 3][0] - edges[k][0] for k in range(3)]
     openings = [gap - turn * (gap / turn).mid().floor() for gap in gaps]

@@ -5,6 +5,9 @@ piece and at the apex of x, since G is linear in the apex. If two states of the 
 readings, the mean of J over the segment between them would be singular. This mean lies in the hull
 of all J. It also lies in L(middle) + the hull of J - L for any affine L, since the mean of L is its
 value in the segment's middle.
+
+Poses and pieces are in mm and rad; matrices (6, 6) are of intervals. Whatever cannot be verified
+raises `Refused`.
 """
 
 from __future__ import annotations
@@ -57,10 +60,13 @@ class Jacobian(NamedTuple):
 
 
 def spans(low: Any, high: Any) -> Array:
+    """Intervals (6,) between the ends of a piece."""
     return np.array([span(a, b) for a, b in zip(low, high, strict=True)])
 
 
 def jacobian_over(rig: IntervalSensor, piece: dict[str, Any], light: Any) -> Jacobian:
+    """The spots' Jacobian over a piece, with its slopes. Raises `Refused` if a facet or a detector
+    may face away."""
     pose = spans(piece["low"], piece["high"])
     place = np.array([side.mid() for side in pose])
     middle = np.array([spot.slope for spot in spots(rig, place, light)])
@@ -159,6 +165,7 @@ def check_hull(jacobians: list[Jacobian], content: dict[str, Any], result: Check
 
 
 def note_margin(content: dict[str, Any], result: CheckResult) -> None:
+    """Note that the stated margin is not verified, if the margin found is smaller."""
     if result.margin < Fraction(content["margin"]):
         result.not_verified.append(f"the margin of {content['margin']:.4g}")
 
@@ -175,6 +182,7 @@ class CertifiedAffine:
         )
 
     def evaluate(self, pose: Array) -> Array:
+        """The matrix L (6, 6) at a pose."""
         matrix: Array = self.value + np.tensordot(pose - self.place, self.slopes, 1)
         return matrix
 
@@ -217,7 +225,8 @@ def check_middles(
 
 
 def margin_by_itself(matrix: Array) -> tuple[Fraction, Any]:
-    """Return the margin, or -1, for an inverse of the midpoints, and that inverse."""
+    """Return the margin, or -1 if it is not proved, for an inverse of the midpoints, and that
+    inverse."""
     inverse = inverse_of_middles(matrix)
     distances = distances_from_identity(matrix, inverse).astype(float)
     refuse_unless(bool(np.isfinite(distances).all()), "no bounds of the Jacobian")

@@ -50,6 +50,7 @@ def conform(value: Any, schema: dict[str, Any], where: str = "the file") -> None
 
 
 def conform_record(value: dict[str, Any], schema: dict[str, Any], where: str) -> None:
+    """Check the names and parts of a record; raises `Refused`."""
     missing = [name for name in schema["required"] if name not in value]
     refuse_unless(not missing, f"{where} lacks {', '.join(missing)}")
     unknown = [name for name in value if name not in schema["properties"]]
@@ -59,6 +60,7 @@ def conform_record(value: dict[str, Any], schema: dict[str, Any], where: str) ->
 
 
 def conform_array(value: list[Any], schema: dict[str, Any], where: str) -> None:
+    """Check the length and the parts of an array; raises `Refused`."""
     fewest, most = schema.get("minItems", 0), schema.get("maxItems", math.inf)
     refuse_unless(fewest <= len(value) <= most, f"{where} has {len(value)} entries; needed:"
                   f" {fewest} to {most}")  # fmt: skip
@@ -67,6 +69,7 @@ def conform_array(value: list[Any], schema: dict[str, Any], where: str) -> None:
 
 
 def conform_number(value: float, schema: dict[str, Any], where: str) -> None:
+    """Check the limits of a number; raises `Refused`."""
     minimum, most = schema.get("minimum", -math.inf), schema.get("maximum", math.inf)
     above = schema.get("exclusiveMinimum", -math.inf)
     inside = minimum <= value <= most and value > above
@@ -75,5 +78,6 @@ def conform_number(value: float, schema: dict[str, Any], where: str) -> None:
 
 
 def refuse_unless(holds: bool, reason: str) -> None:
+    """Raise `Refused` with a reason unless a condition holds."""
     if not holds:
         raise Refused(reason)

@@ -23,6 +23,10 @@ that
 - the hull of all Jacobians is regular with the file's inverse and weights, or about every middle.
 
 It reports the claims that it could not verify. NaN fails every test; no test is an assert.
+
+Functions named `check_...` raise `Refused` if they cannot verify something. Offsets q (2,) are in
+sigmas of the beam, angles in rad; numbers are intervals, whose comparison holds only if it does for
+all their values.
 """
 
 from __future__ import annotations
@@ -63,6 +67,7 @@ ROUNDED = 1e-12
 
 
 def nonnegative(x: Any) -> Any:
+    """The lower end of an interval, but at least 0."""
     return max(x.lower(), arb(0))
 
 
@@ -77,6 +82,7 @@ class RayLight(NamedTuple):
 
 
 def half_line(q: Array, angle: Any) -> RayLight:
+    """The light along a half-line from q at an angle, enclosed for all q of a cell."""
     u = np.array([angle.cos(), angle.sin()])
     along = q @ u
     near, far = half_line_means(along.lower()), half_line_means(along.upper())
@@ -90,6 +96,7 @@ def half_line(q: Array, angle: Any) -> RayLight:
 
 
 def cross_product(u: Array, v: Array) -> Any:
+    """The cross product of two vectors (2,)."""
     return u[0] * v[1] - u[1] * v[0]
 
 
@@ -101,6 +108,7 @@ def half_line_means(x: Any) -> tuple[Any, Any, Any]:
 
 
 def holds(claim: list[float], value: Any) -> bool:
+    """Whether a value lies within the two ends of a claim."""
     return bool(value >= arb(claim[0])) and bool(value <= arb(claim[1]))
 
 
@@ -239,12 +247,14 @@ def fill(low: Ends, high: Ends, pieces: list[Any]) -> None:
 
 
 def holds_cell(piece: Any, low: Ends, high: Ends) -> bool:
+    """Whether a piece contains a cell."""
     ends = zip(piece[0], low, high, piece[1], strict=True)
     return all(a <= b and c <= d for a, b, c, d in ends)
 
 
 def best_cut(low: Ends, high: Ends, pieces: list[Any]) -> tuple[int, float]:
-    """Choose the edge inside a cell that cuts the fewest pieces; of equals, the most central."""
+    """Choose the edge inside a cell that cuts the fewest pieces; of equals, the most central.
+    Returns its axis and place. Raises `Refused` if no edge is inside."""
     edges = {
         (axis, end[axis])
         for piece in pieces
@@ -256,6 +266,7 @@ def best_cut(low: Ends, high: Ends, pieces: list[Any]) -> tuple[int, float]:
     refuse_unless(bool(edges), f"the pieces leave a hole from {low} to {high}")
 
     def cost(edge: tuple[int, float]) -> tuple[int, int]:
+        """The number of pieces that the edge cuts, and the imbalance of the others."""
         axis, place = edge
         below = sum(piece[0][axis] < place for piece in pieces)
         above = sum(piece[1][axis] > place for piece in pieces)
@@ -347,6 +358,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def refuse_repeated_names(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Make a record of names and values; raise `Refused` if a name occurs twice."""
     names = [name for name, _ in pairs]
     twice = sorted({name for name in names if names.count(name) > 1})
     refuse_unless(not twice, f"given twice: {', '.join(twice)}")
@@ -354,6 +366,7 @@ def refuse_repeated_names(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def refuse_number(text: str) -> float:
+    """Raise `Refused` for a number that JSON does not have, such as NaN."""
     raise Refused(f"{text} is no number")
 
 
@@ -369,6 +382,7 @@ def check(path: Path) -> CheckResult:
 
 
 def check_content(content: dict[str, Any]) -> CheckResult:
+    """Check the content of a certificate, and return what was verified."""
     result = CheckResult()
     check_configuration(content, result)
     check_cover(content)
@@ -393,6 +407,7 @@ def check_content(content: dict[str, Any]) -> CheckResult:
 
 
 def intervals_of(light: dict[str, Any]) -> list[list[float]]:
+    """All bounds of the light as pairs of ends."""
     rows = [interval for facet in light["from_point"] for interval in facet]
     turns = [interval for facet in light["turns"] for row in facet for interval in row]
     return [*rows, *turns, light["slope"]]

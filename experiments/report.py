@@ -32,13 +32,15 @@ def number(value: float) -> str:
 
 
 def embed_picture(path: Path | None) -> str:
-    """Encode a picture as a data address, so that the page needs no other file."""
+    """Encode a picture as a data address, so that the page needs no other file; empty for no
+    picture."""
     if path is None:
         return ""
     return "data:image/svg+xml;base64," + b64encode(readable_path(path).read_bytes()).decode()
 
 
 def facts() -> dict[str, str]:
+    """The versions, the command, the time and the machine of this run."""
     return {
         "facets": facets.__version__,
         "command": command_line(),

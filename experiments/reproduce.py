@@ -38,6 +38,7 @@ class Check:
 
     @property
     def repeats(self) -> bool:
+        """Whether the column repeats its reference; False for NaN."""
         return self.off <= 1
 
 
@@ -121,6 +122,7 @@ def read(path: Path) -> Table:
 
 
 def claim_table(claims: list[PaperClaim]) -> Table:
+    """The claims as a table."""
     return {
         "what": np.array([claim.what for claim in claims]),
         "unit": np.array([claim.unit for claim in claims]),

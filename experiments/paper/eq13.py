@@ -31,6 +31,7 @@ def remaining_offset(sensor: facets.Sensor, turn: Any) -> float:
     """Distance of beam and apex, um, at which Eq. (14) is zero; turn: rotation (3,), rad."""
 
     def unequal(place: Any) -> Any:
+        """The tracking error (2,) of the powers with the beam at a place (2,), mm."""
         return tracking_error(facets.readings(sensor, np.array([0, 0, 0, *turn, *place]))[2::3])
 
     solution = root(unequal, [0.0, 0.0], tol=1e-14)

@@ -55,17 +55,26 @@ class PaperClaim(NamedTuple):
 
     @property
     def ratio(self) -> float:
+        """The computed value over the paper's; NaN if the paper states none or 0."""
         return self.ours / self.paper if self.paper else NONE
 
     @property
     def agrees(self) -> bool | None:
-        """Whether a result agrees with the paper's within `NEAR`; None if there is none."""
+        """Whether a result agrees with the paper's within `NEAR`; None for an input or if the paper
+        states none."""
         if self.is_input or self.paper != self.paper:
             return None
         return bool(abs(self.ours - self.paper) <= NEAR * abs(self.paper))
 
 
 class Experiment(Protocol):
+    """Module of an experiment.
+
+    `compute` makes its table, whose columns (n,) end with their units; quick: a smaller one for
+    tests. `claims` compares the paper's numbers with those of a table. `picture` draws a table;
+    None if there is nothing to draw.
+    """
+
     TITLE: str
     CONFIG: str
 

@@ -38,11 +38,12 @@ def simulate_table(config_name: str, motion: str) -> Table:
 
 
 def column(name: str) -> str:
+    """The column of a pose's component, such as `tx_mm` of "tx"."""
     return next(key for key in STATE_COLUMNS if key.startswith(f"{name}_"))
 
 
 def errors(table: Table, name: str) -> np.ndarray:
-    """Estimate minus truth, um or urad."""
+    """Estimate minus truth (n,), um or urad, of a component."""
     key = column(name)
     off: np.ndarray = 1e3 * (table[key] - table[f"true_{key}"])
     return off

@@ -38,15 +38,18 @@ def trace_table(config_name: str, pairs: tuple[tuple[str, str], ...], tracking: 
 
 
 def outlines_figure(table: Table) -> Figure:
+    """Draw the outlines of all pairs of axes in a table."""
     return ranges_picture([outline(table, *axes) for axes in pairs_of(table)])
 
 
 def pairs_of(table: Table) -> list[tuple[str, str]]:
+    """The pairs of axes in a table, in their order."""
     pairs = zip(table["first"].tolist(), table["second"].tolist(), strict=True)
     return list(dict.fromkeys(pairs))
 
 
 def outline(table: Table, first: str, second: str) -> Boundary:
+    """The outline over two axes, in mm and rad, from a table in mm and mrad."""
     rows = (table["first"] == first) & (table["second"] == second)
     units = np.array([unit_of(first)[1], unit_of(second)[1]])
     points = np.stack([table["first_place"][rows], table["second_place"][rows]], axis=1) / units

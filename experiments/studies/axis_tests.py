@@ -46,6 +46,7 @@ AXES = {"X": (0.1, 0), "Z": (1.0, 2), "C": (0.008, 5)}
 
 
 def calibrated_sensor() -> Sensor:
+    """The paper's sensor with a calibration of stated uncertainties."""
     covariance = np.diag(np.square(list(SIGMAS.values())))
     calibration = Calibration(tuple(SIGMAS), tuple(map(tuple, covariance.tolist())))
     return replace(facets.load("paper").sensor, calibration=calibration)
@@ -65,6 +66,7 @@ def draw_axis(name: str, rng: np.random.Generator) -> Runs:
     unit = np.array([1e-3] * 3 + [1e-5] * 3 + [0, 0])
 
     def errors() -> Any:
+        """Random errors of an axis (8,), of sizes over three decades."""
         sizes = unit * 10 ** rng.uniform(-2, 1, 8) * rng.choice([-1, 1], 8)
         return tuple(sizes.tolist())
 
@@ -113,6 +115,7 @@ class Coverage(NamedTuple):
 
 
 def compare_with_truth(seed: int) -> Coverage:
+    """Evaluate one random axis, and compare its quantities with the truth."""
     _, report, true = evaluate(seed)
     held, size = np.empty((2, 6, len(QUANTITIES)))
     for n, (estimates, values) in enumerate(zip(report.quantities, true, strict=True)):

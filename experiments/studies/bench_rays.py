@@ -6,6 +6,9 @@ curved wavefront. The ray is reflected at the local surface, which is rolled off
 with a metal's reflectance for the light's polarisation, and meets the detector's plane. The net
 excludes the strips along the edges, whose light is lost. Diffraction at the edges is added by its
 closed form (two terms for each edge), because rays do not have it. Background light is added last.
+
+n states and m points: places (n, m, 3) and directions are in mm in the world, angles in rad, powers
+in mW.
 """
 
 from __future__ import annotations
@@ -86,7 +89,8 @@ class RayBench(NamedTuple):
 
 
 def hermite_profile(light: BenchLight, covariance: Floats) -> Callable[[Floats], Floats]:
-    """The factor of the irradiance that the coefficients of a beam's profile describe."""
+    """The factor of the irradiance, a function of places (..., 2) in the beam, mm, that the
+    coefficients of a beam's profile describe."""
     series = np.zeros((5, 5))
     series[0, 0] = 1.0
     for values in (light.profile, light.asymmetry):
@@ -104,6 +108,7 @@ def hermite_profile(light: BenchLight, covariance: Floats) -> Callable[[Floats],
 
 
 def normalise(vectors: Floats) -> Floats:
+    """Vectors (..., 3) divided by their lengths."""
     size: Floats = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return size
 
@@ -124,7 +129,8 @@ def landing_point(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Float
 
 
 def reflectance(cosine: Floats, index: complex) -> tuple[Floats, Floats]:
-    """Reflectance of s and p light at a metal."""
+    """Reflectance of s and p light at a metal of a complex index, for cosines of the angle of
+    incidence."""
     inner = np.sqrt(index**2 - 1 + cosine**2)
     s = (cosine - inner) / (cosine + inner)
     p = (index**2 * cosine - inner) / (index**2 * cosine + inner)
@@ -140,6 +146,7 @@ class RayBeam(NamedTuple):
 
     @classmethod
     def from_beam(cls, beam: Beam) -> RayBeam:
+        """The axes of a beam in the world, from its tilts."""
         turn = rotation(beam.tilt_x, beam.tilt_y, 0.0)
         return cls(turn @ [0.0, 0.0, -1.0], turn @ [1.0, 0.0, 0.0], turn @ [0.0, 1.0, 0.0])
 
@@ -168,14 +175,17 @@ class RayFacet(NamedTuple):
 
     @property
     def psd(self) -> Psd:
+        """The detector of the facet."""
         return self.sensor.psds[self.k]
 
     @property
     def power(self) -> float:
+        """The power of the laser, mW."""
         return self.sensor.beam.power * self.bench.gain
 
     @property
     def world_normal(self) -> Floats:
+        """The facet's normals (n, 3) in the world."""
         return self.turn @ self.normal
 
     @property
@@ -193,6 +203,7 @@ def facet_normals(facets: Sequence[Facet]) -> Floats:
 
 
 def facet_of(sensor: Sensor, bench: RayBench, states: Floats, k: int) -> RayFacet:
+    """The facet k (0 to 2) of a mirror at states (n, 8)."""
     normals, beam = facet_normals(sensor.facets), RayBeam.from_beam(sensor.beam)
     both = edges_of(normals)[[k, (k + 1) % 3]]
     return RayFacet(sensor, bench, beam, states, rotation(*states[:, 3:6].T), normals[k], both, k)
@@ -255,7 +266,7 @@ def spot(facet: RayFacet) -> Floats:
 
 
 def gauss_legendre(count: int, end: float) -> tuple[Floats, Floats]:
-    """Nodes between 0 and an end, and their weights."""
+    """Nodes (count,) between 0 and an end, and their weights (count,)."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return end * (nodes + 1) / 2, end * weights / 2
 
@@ -293,7 +304,8 @@ def sample_tip(facet: RayFacet) -> tuple[Floats, Floats]:
 
 
 def incident_light(facet: RayFacet, world: Floats) -> tuple[Floats, Floats, Floats]:
-    """Flux on the facet, cosine and direction of the rays through points."""
+    """Flux on the facet, cosine (n, m) and direction (n, m, 3) of the rays through points (n, m,
+    3)."""
     bench, beam = facet.bench, facet.beam
     from_beam = world - np.pad(facet.states[:, None, 6:], ((0, 0), (0, 0), (0, 1)))
     depth = from_beam @ beam.along
@@ -336,7 +348,7 @@ def surface_slope(facet: RayFacet, distances: Floats) -> Floats:
 def add_diffraction(
     facet: RayFacet, edge: Floats, reflected: Floats, power: Floats, centre: Floats
 ) -> tuple[Floats, Floats]:
-    """Power and position after one edge has spread its light past the detector's window."""
+    """Power (n,) and position after one edge has spread its light past the detector's window."""
     bench, beam, psd, states = facet.bench, facet.beam, facet.psd, facet.states
     world, surface = facet.turn @ edge, facet.world_normal
     far = 4 * REACH * np.sqrt(np.trace(bench.covariance))

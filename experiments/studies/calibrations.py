@@ -88,11 +88,13 @@ class RigTrial(NamedTuple):
 
     @property
     def is_wrong(self) -> bool:
+        """Whether the calibration is trusted although its poses err by more than it states."""
         others = (self.beyond[2:] > 1.25) & (self.held[2:] < 0.88)
         return self.is_trusted and bool((self.beyond[:2] > 2).any() or others.any())
 
 
 def solve(sensor: Sensor, raw: Floats) -> facets.Solution:
+    """Poses of uncorrected readings (n, 9), with a known beam and an unknown power."""
     return facets.solve(sensor, correct(sensor, raw), beam="known", power="unknown", threads=1)
 
 
@@ -210,6 +212,7 @@ def is_false(groups: set[str], faults: list[Fault]) -> bool:
 
 
 def is_said(fault: Fault, trial: RigTrial) -> bool:
+    """Whether a finding names the fault in words that are expected."""
     return any(word in finding.words for word in fault.named_by for finding in trial.findings)
 
 
@@ -224,6 +227,7 @@ def list_rigs(name: str, draw: int) -> list[list[Fault]]:
 
 
 def print_trial(trial: RigTrial) -> None:
+    """Print the outcome of a trial and its findings."""
     word = "TRUSTED AND WRONG" if trial.is_wrong else "trusted" if trial.is_trusted else "refused"
     over, held, beyond = (
         " ".join(f"{x:5.2f}" for x in row) for row in (trial.over, trial.held, trial.beyond)
@@ -242,6 +246,7 @@ class OutcomeCounts:
         self.over, self.held = list[Floats](), list[Floats]()
 
     def add(self, trial: RigTrial, faults: list[Fault], harmful: list[Fault]) -> None:
+        """Count the outcome of a trial with some faults, of which some are harmful."""
         kind = "with harmful faults" if harmful else "clean or harmless"
         self.rigs.update([kind] + [f"{kind}, trusted"] * trial.is_trusted
                          + ["trusted and wrong"] * trial.is_wrong)  # fmt: skip
@@ -257,6 +262,7 @@ class OutcomeCounts:
             print(f"    = {way}{', in the words that are expected' * is_said(fault, trial)}")
 
     def print(self) -> None:
+        """Print the counts, and the errors and intervals of all trials."""
         for counts in (self.rigs, self.faults):
             print("; ".join(f"{name}: {count}" for name, count in sorted(counts.items())))
         for name, values in (("errors over perfect", self.over), ("intervals held", self.held)):

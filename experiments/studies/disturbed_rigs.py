@@ -76,6 +76,8 @@ of_fringes = add_fringes(1e-3, WAVES)
 
 
 def case(group: str, words: str, parts: Parts, *named_by: str, in_time: bool = False) -> Fault:
+    """A fault of a group, described by words. named_by: words of which a finding on it must contain
+    one."""
     return Fault(group, words, parts, in_time, named_by)
 
 

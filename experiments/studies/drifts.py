@@ -24,10 +24,12 @@ HALF = np.array([0.12, 0.12, 2, 6e-3, 6e-3, 6e-3])
 
 
 def change_beam(**changes: float) -> Sensor:
+    """The sensor with other properties of its beam."""
     return replace(SENSOR, beam=replace(SENSOR.beam, **changes))
 
 
 def change_psds(**changes: float) -> Sensor:
+    """The sensor with detectors whose properties differ by these amounts."""
     psds = tuple(
         replace(psd, **{name: getattr(psd, name) + more for name, more in changes.items()})
         for psd in SENSOR.psds
@@ -36,13 +38,14 @@ def change_psds(**changes: float) -> Sensor:
 
 
 def poses(count: int = 300, seed: int = 1) -> Floats:
+    """Random states (count, 8) in the box, with the beam at rest."""
     states = np.zeros((count, 8))
     states[:, :6] = np.random.default_rng(seed).uniform(-1, 1, (count, 6)) * HALF
     return states
 
 
 def cases() -> dict[str, tuple[Floats, str]]:
-    """Readings after each change, and the knowledge of the laser's power in the solution."""
+    """Readings (n, 9) after each change, and the knowledge of the laser's power in the solution."""
     some, beam = poses(), SENSOR.beam
     plain = facets.readings(SENSOR, some)
     moved, turned = some.copy(), some.copy()

@@ -54,6 +54,7 @@ class SlopeModel(RayModel):
 
 
 def model_of(sensor: Sensor) -> SlopeModel:
+    """The independent model of a sensor by slopes."""
     return SlopeModel(parameters(sensor), NODES)
 
 
@@ -85,7 +86,8 @@ def random_cases(count: int, seed: int) -> list[ProofCase]:
 
 
 def states_of(case: ProofCase, model: SlopeModel, count: int, rng: np.random.Generator) -> Floats:
-    """Sample states of the set at which the apex is within a few sigmas of the beam."""
+    """Sample states (m, 8) of the set, m of at most `count`, at which the apex is within a few
+    sigmas of the beam."""
     pose = rng.uniform(case.box.low[:6], case.box.high[:6], (count, 6))
     offset = rng.uniform(-1.5, 1.5, (count, 2)) * model.sigma
     through = pose[:, :3] - offset @ model.frame
@@ -97,6 +99,7 @@ def states_of(case: ProofCase, model: SlopeModel, count: int, rng: np.random.Gen
 
 
 def is_in_case(case: ProofCase, model: SlopeModel, states: Floats) -> NDArray[np.bool_]:
+    """Whether states (n, 8) are in the box and light all detectors."""
     pose = states[:, :6]
     boxed = (pose >= case.box.low[:6]).all(axis=1) & (pose <= case.box.high[:6]).all(axis=1)
     lit = model(states)[:, 2::3].min(axis=1) >= case.least_share * model.power

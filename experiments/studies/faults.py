@@ -35,14 +35,17 @@ Rows = Callable[[MotionScene, Rng], Any]
 
 
 def step(at: float) -> Waveform:
+    """1 after a fraction of the motion, 0 before."""
     return lambda scene, rng: (scene.progress > at).astype(float)
 
 
 def ramp(scene: MotionScene, rng: Rng) -> Floats:
+    """A straight line from -0.5 to 0.5 over the motion."""
     return scene.progress - 0.5
 
 
 def warmth(scene: MotionScene, rng: Rng) -> Floats:
+    """The temperature of the air, K."""
     return scene.air
 
 
@@ -50,6 +53,7 @@ def late_warmth(tau: float) -> Waveform:
     """The temperature of a body that follows the air with a time constant, s."""
 
     def waveform(scene: MotionScene, rng: Rng) -> Floats:
+        """The delayed temperature (n,), K, about its mean."""
         follow = 1 - np.exp(-(scene.time[1] - scene.time[0]) / tau)
         late = scene.air[0] + low_pass(scene.air - scene.air[0], follow, 1 - follow)
         return np.asarray(late - late.mean())
@@ -58,6 +62,7 @@ def late_warmth(tau: float) -> Waveform:
 
 
 def white(scene: MotionScene, rng: Rng) -> Floats:
+    """Independent normal numbers of variance 1."""
     return rng.standard_normal(scene.rows)
 
 
@@ -68,7 +73,7 @@ def wander(length: float) -> Waveform:
 
 
 def walk(scene: MotionScene, rng: Rng) -> Floats:
-    """Random walk of r.m.s. 1 about its mean."""
+    """Random walk (n,) of r.m.s. 1 about its mean."""
     way = np.cumsum(white(scene, rng))
     return np.asarray((way - way.mean()) / way.std())
 
@@ -145,7 +150,8 @@ def change_bench(**fields: Any) -> Parts:
 
 
 def change_profile(factor: Callable[[Floats, Floats], Any]) -> Parts:
-    """Multiply the irradiance by a function of x and y, in standard deviations of the beam."""
+    """Multiply the irradiance by a factor, a function of x and y, in standard deviations of the
+    beam."""
     return change_bench(profile=lambda places: factor(places[..., 0], places[..., 1]))
 
 
@@ -169,6 +175,7 @@ def add_fringes(depth: float, waves: Floats, phase: float = 0.0) -> Any:
 
 
 def dim(loss: float, waveform: Waveform) -> Parts:
+    """Reduce the laser's power by a fraction `loss` times a waveform."""
     return {"power": lambda power, scene, rng: power * (1 - loss * waveform(scene, rng))}
 
 
@@ -183,7 +190,7 @@ def pose_error(number: int, error: Callable[[Floats], Floats]) -> Parts:
 
 
 def backlash(size: Floats) -> Parts:
-    """The mirror lags by half of the backlash, against each axis's last step."""
+    """The mirror lags by half of the backlash (6,), mm and rad, against each axis's last step."""
     return {"mirror": lambda pose, scene, rng: pose - size * np.sign(pose - previous(pose))}
 
 
@@ -211,19 +218,22 @@ def edit(
 
 
 def between(first: float, last: float) -> Rows:
+    """Select the rows between two fractions of the motion."""
     return lambda scene, rng: (scene.progress >= first) & (scene.progress < last)
 
 
 def random_rows(fraction: float) -> Rows:
+    """Select a fraction of the rows at random."""
     return lambda scene, rng: rng.random(scene.rows) < fraction
 
 
 def round_to(grid: float | Floats) -> Callable[[Floats], Floats]:
+    """Make a function that rounds values to a grid."""
     return lambda values: grid * np.round(values / grid)
 
 
 def smooth(rows: int) -> Callable[[Floats], Floats]:
-    """Means over an odd number of rows."""
+    """Make a function that takes means of columns (n, m) over an odd number of rows."""
 
     def change(values: Floats) -> Floats:
         wide = np.pad(values, ((rows // 2,) * 2, (0, 0)), mode="reflect", reflect_type="odd")
@@ -234,11 +244,13 @@ def smooth(rows: int) -> Callable[[Floats], Floats]:
 
 
 def reorder_angles(angles: Floats) -> Floats:
-    """A stage that turns about its axes in the other order."""
+    """The angles (n, 3), rad, of a stage that turns about its axes in the other order."""
     return np.asarray(Rotation.from_euler("xyz", angles).as_euler("zyx")[:, ::-1])
 
 
 def take_rows(order: Rows) -> Parts:
+    """Keep the rows of the table that `order` returns, in that order."""
+
     def hook(columns: Columns, scene: MotionScene, rng: Rng) -> Columns:
         rows = order(scene, rng)
         return {name: column[rows] for name, column in columns.items()}
@@ -253,6 +265,7 @@ def add_column(name: str, waveform: Waveform) -> Parts:
 
 
 def add_thermometer(waveform: Waveform = warmth) -> Parts:
+    """Add the column temperature_c with a waveform about 21.3 degrees."""
     return add_column("temperature_c", lambda scene, rng: np.round(21.3 + waveform(scene, rng), 3))
 
 
@@ -274,7 +287,7 @@ def shine(power: Floats | list[float], place: Floats, waveform: Waveform) -> Par
 
 
 def scatter_light(k: int, fraction: float, place: Floats) -> Parts:
-    """A fraction of the next facet's light falls on a place of a detector."""
+    """A fraction of the next facet's light falls on a place (2,), mm, of the detector k."""
 
     def hook(raw: Floats, scene: MotionScene, rng: Rng) -> Floats:
         power = fraction * raw[:, 3 * ((k + 1) % 3) + 2]
@@ -308,6 +321,7 @@ def dust(k: int, radius: float, loss: float, away: float, opening: float) -> Par
     flat = radius * np.column_stack([(r * np.cos(turn)).ravel(), (r * np.sin(turn)).ravel()])
 
     def patch(facet: RayFacet) -> tuple[Floats, Floats]:
+        """Points (m, 3) of the dust on the facet, and the areas that they lose."""
         angle = np.arccos(facet.edges[0] @ facet.edges[1]) * opening
         middle = away * np.array([np.cos(angle), np.sin(angle)])
         points = (middle + flat) @ np.array([facet.edges[0], facet.inward[0]])
@@ -320,6 +334,7 @@ def tarnish(k: int, loss: float) -> Parts:
     """A facet's reflectance decreases by `loss` for each mm from its first edge."""
 
     def patch(facet: RayFacet) -> tuple[Floats, Floats]:
+        """Points (m, 3) of the facet, and the areas that they lose."""
         points, area, distances = sample_facet(facet)
         return points, area * np.minimum(loss * distances[:, 0], 1)
 
@@ -417,7 +432,8 @@ def add_noise(weights: Floats, in_common: bool = False) -> Parts:
 
 
 def jumps(fraction: float, size: float, kind: str) -> Callable[[Floats, Floats, Rng], Floats]:
-    """Shift the readings in a fraction of the rows by `size` standard deviations.
+    """Make a function that shifts the readings (n, 9) in a fraction of the rows by `size` standard
+    deviations.
 
     kind: "rows", all nine of a row; "single", one of the nine; "bursts", those of consecutive rows,
     with the same signs; "detector", the three of detector B.

@@ -56,6 +56,7 @@ class StreamSource:
         self.data, self.byte_count = data, byte_count
 
     def read(self) -> bytes:
+        """The next block, at the rate of a board."""
         time.sleep(1 / RATE)
         start = self.byte_count.value
         block = self.data[start : start + BLOCK * SIZE]
@@ -63,10 +64,11 @@ class StreamSource:
         return block
 
     def close(self) -> None:
-        pass
+        """Do nothing, as a source must have this method."""
 
 
 def run_acquisition(folder: Path, data: bytes, byte_count: Any) -> None:
+    """Record the data until it is killed. byte_count: shared counter of the bytes read."""
     config = facets.load("bench")
     live = Live(Pipeline(config))
     recording = Recording(folder, run_record(config, None, 0, {}), config.resolved)

@@ -55,6 +55,7 @@ class NeglectedEffect(NamedTuple):
 
 
 def effect_case(sensor: Sensor) -> NeglectedEffect:
+    """The case in which the bench has an effect that `sensor` describes exactly."""
     return NeglectedEffect(RayBench.from_sensor(sensor), sensor)
 
 
@@ -64,6 +65,7 @@ def light_case(**light: Any) -> NeglectedEffect:
 
 
 def cases() -> dict[str, NeglectedEffect]:
+    """Each effect by its name."""
     nominal = facets.Sensor()
     beam = nominal.beam
     dome, bend = 8 * (WAVELENGTH / 10) / 5.0**2, 1 / wavefront(500.0)
@@ -105,7 +107,7 @@ def draw_samples(
 
 
 def errors_over_noise(sensor: Sensor, data: Data, state: Floats, apex: Floats) -> Floats:
-    """R.m.s. errors over one reading's uncertainty: the worse of x and y, the worst other."""
+    """R.m.s. errors (2,) over one reading's uncertainty: the worse of x and y, the worst other."""
     solution = facets.solve(sensor, correct(sensor, data.raw), beam="known")
     error = (solution.state - state)[:, :6]
     error[:, :2] -= apex

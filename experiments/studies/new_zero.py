@@ -50,6 +50,7 @@ class CalibratedRig(NamedTuple):
 
 
 def calibrate_rig(seed: int) -> CalibratedRig:
+    """Draw and calibrate a rig; the calibration must be trusted."""
     config, rng = facets.load("paper"), np.random.default_rng(seed)
     real = draw_bench_rig(config.sensor, rng)
     data = samples_of(measure(draw_scene(real, rng), [], seed), config.calibrate)
@@ -99,6 +100,8 @@ class ChangeDraw(NamedTuple):
 
 
 def draw_changes(rig: CalibratedRig, priors: ChangePriors, poses: int = 20) -> ChangeDraw:
+    """Draw changes and a stop, renew the zero, and compare the estimates and poses with the
+    truth."""
     rng = rig.rng
     pose = 0.3 * rng.uniform(-1, 1, (1, 6)) * BOX
     change = priors.sigmas(1.0) * rng.standard_normal(len(NOTHING))
@@ -140,6 +143,7 @@ def known_change(rig: CalibratedRig) -> NewZero:
 
 
 def show(name: str, zero: NewZero) -> None:
+    """Print the changes of a new zero with their uncertainties."""
     factors = np.array([1e3, 1e3, 100 / zero.prior[2] * 0.05, *[100] * 3, *[1e3] * 3, 100])
     values = zip(zero.change * factors, zero.uncertainty * factors, strict=True)
     text = "  ".join(f"{value:+.3f} ± {u:.3f}" for value, u in values)

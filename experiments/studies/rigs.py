@@ -66,6 +66,7 @@ class Rig(NamedTuple):
 
 
 def draw_rig(nominal: Sensor, rng: Rng) -> Rig:
+    """A rig whose parameters differ from the nominal ones by random hidden errors."""
     values = values_of(nominal)
     for name, half in hidden().items():
         values[ALL.index(name)] += rng.uniform(-half, half)
@@ -73,6 +74,7 @@ def draw_rig(nominal: Sensor, rng: Rng) -> Rig:
 
 
 def rms(error: Floats) -> Floats:
+    """The root of the mean square of each column; NaN values are ignored."""
     root: Floats = np.sqrt(np.nanmean(error**2, axis=0))
     return root
 

@@ -9,7 +9,7 @@ from .bench_rays import RayBeam, facet_normals
 
 
 def sub_beam(beam: Beam, facet: Facet) -> Floats:
-    """Direction of the beam after a facet at the mirror's zero pose."""
+    """Direction (3,) of the beam after a facet at the mirror's zero pose."""
     down, (normal,) = RayBeam.from_beam(beam).along, facet_normals([facet])
     leaving: Floats = down - 2 * (down @ normal) * normal
     return leaving

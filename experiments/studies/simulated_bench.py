@@ -73,10 +73,12 @@ class MotionScene:
 
     @property
     def rows(self) -> int:
+        """The number of rows."""
         return len(self.pose)
 
     @property
     def time(self) -> Floats:
+        """The times (n,) of the rows, s."""
         period = MOTION_PERIOD_S if self.track else RANDOM_PERIOD_S
         return period * np.arange(self.rows, dtype=np.float64)
 
@@ -116,12 +118,14 @@ def draw_poses(rig: Rig, count: int, rng: Rng, box: Floats = BOX) -> Floats:
 
 
 def draw_track(rig: Rig, rows: int, rng: Rng) -> Callable[[Floats], Floats]:
-    """A smooth motion, three sines in each axis, that keeps all spots on the detectors."""
+    """A smooth motion, poses (n, 6) as a function of times (n,), three sines in each axis, that
+    keeps all spots on the detectors."""
     periods, phases = rng.uniform(15, 90, (3, 6)), rng.uniform(0, 2 * np.pi, (3, 6))
     parts = rng.uniform(0.3, 1, (3, 6))
     sizes = parts / parts.sum(axis=0) * BOX_REACH
 
     def track(time: Floats) -> Floats:
+        """The poses (n, 6) at times (n,), s."""
         waves = np.sin(2 * np.pi * time[:, None, None] / periods + phases)
         return np.asarray((sizes * waves).sum(axis=1))
 
@@ -159,6 +163,7 @@ def measure(scene: MotionScene, faults: Sequence[Fault], seed: int) -> Columns:
     rig, rng = scene.real.rig, np.random.default_rng([seed, 90, scene.in_use])
 
     def disturb(stage: str, values: Any) -> Any:
+        """The values of a stage of the measurement with the faults that act on it."""
         for n, fault in enumerate(faults):
             if stage in fault.parts:
                 values = fault.parts[stage](values, scene, np.random.default_rng([seed, n]))
@@ -184,10 +189,12 @@ def measure(scene: MotionScene, faults: Sequence[Fault], seed: int) -> Columns:
 
 
 def readings_of(table: Columns) -> Floats:
+    """The readings (n, 9) of a table, mm and mW."""
     return np.stack([table[name] for name in READING_COLUMNS], axis=1)
 
 
 def poses_of(table: Columns) -> Floats:
+    """The reference's poses (n, 6) of a table, mm and rad."""
     return np.asarray(np.stack([table[name] for name in REFERENCE_COLUMNS], axis=1) * UNITS)
 
 

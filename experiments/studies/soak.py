@@ -45,6 +45,7 @@ def emulate(folder: Path, rate: float, faults: str, ending: Any) -> None:
     """Run the bench until the ending is set."""
 
     def go_on(_: Bench) -> None:
+        """End the bench when the ending is set."""
         if ending.is_set():
             raise KeyboardInterrupt
 
@@ -97,6 +98,7 @@ def follow(live: Live, reader: Reader, ending: Ending) -> dict[str, Any]:
     spent, live.begin = time.process_time(), time.monotonic()
 
     def show(_: Live) -> None:
+        """Note the memory, MB, once a second."""
         if len(memory) < time.monotonic() - live.begin:  # once a second
             memory.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
 

@@ -138,18 +138,20 @@ class Trouble(NamedTuple):
 
 
 def keep(_: facets.Sensor, readings: Floats, __: Rng) -> tuple[Floats, Any]:
+    """Return the readings unchanged."""
     return readings, None
 
 
 def mask(_: facets.Sensor, readings: Floats, rng: Rng) -> tuple[Floats, Any]:
-    """Mask one number of each reading."""
+    """Mask one number of each of the readings (n, 9)."""
     hidden = np.zeros(readings.shape, bool)
     hidden[np.arange(len(readings)), rng.integers(0, 9, len(readings))] = True
     return np.ma.masked_array(readings, hidden), None
 
 
 def replace_one(sensor: facets.Sensor, readings: Floats, rng: Rng) -> tuple[Floats, Any]:
-    """Replace one number of each reading by a random one from the detector's whole range."""
+    """Replace one number of each of the readings (n, 9) by a random one from the detector's whole
+    range; also returns which, (n,)."""
     corrupted, rows = readings.copy(), np.arange(len(readings))
     which = rng.integers(0, 9, len(readings))
     sizes = np.array([(psd.size_y / 2, psd.size_z / 2, sensor.beam.power) for psd in sensor.psds])
@@ -189,7 +191,8 @@ def every_sensor() -> dict[str, facets.Sensor]:
 def draw_states(
     sensor: facets.Sensor, trouble: Trouble, sigma: float, count: int, rng: Rng
 ) -> Floats:
-    """Sample states inside, at and beyond the range's rim; `sigma` is that of the beam, mm."""
+    """Sample states (m, 8) inside, at and beyond the range's rim; `sigma` is that of the beam,
+    mm."""
     offset = 0.4 * max(sensor.beam.diameter_x, sensor.beam.diameter_y)
     many = draw_around(offset, 0.03, 12 * count if trouble.cut else count, rng)
     many[:, 2] *= 1.2
@@ -290,6 +293,7 @@ def main() -> None:
 
 
 def print_counts(name: str, counts: Counter[str]) -> None:
+    """Print the counts of the outcomes under a name."""
     print(f"{name:74}{', '.join(f'{count} {key}' for key, count in counts.items())}", flush=True)
 
 

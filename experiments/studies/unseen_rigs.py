@@ -123,6 +123,7 @@ class FaultDraw:
         return detector_vector(self.detector(), self.size(low, high) * self.unit(2))
 
     def beam_shift(self, low: float, high: float) -> Floats:
+        """A displacement (2,) of the beam in a random direction, mm."""
         return self.size(low, high) * self.unit(2)
 
     def pose_shift(self, low: float, high: float) -> Floats:
@@ -130,6 +131,7 @@ class FaultDraw:
         return np.asarray(self.size(low, high) * self.unit(6) * TILTS)
 
     def axis_shift(self, low: float, high: float) -> Floats:
+        """A direction (6,) of poses along one random axis, of a size in mm, or in 10 mrad."""
         number = int(self.rng.integers(6))
         return axis(number, self.size(low, high) * TILTS[number])
 
@@ -148,6 +150,7 @@ class Kind(NamedTuple):
     in_time: bool = False
 
     def draw(self, rng: Rng) -> Fault:
+        """A fault of this kind with random sizes, which its words state."""
         draw = FaultDraw(rng)
         parts = self.parts(draw)
         sizes = ", ".join(f"{size:.3g}" for size in draw.sizes)
@@ -158,6 +161,7 @@ class Kind(NamedTuple):
 
 
 def cut_beam(draw: FaultDraw) -> Parts:
+    """A round aperture cuts the beam."""
     edge, (a, b) = draw.between(2.4, 4.0), 0.3 * draw.uniform_array(2)
     return change_profile(lambda x, y: 1 / (1 + np.exp((np.hypot(x - a, y - b) - edge) / 0.06)))
 
@@ -169,15 +173,18 @@ def yielding_facet(draw: FaultDraw) -> Parts:
 
 
 def window_fringes(draw: FaultDraw) -> Parts:
+    """Fringes of a detector's window displace its spot."""
     moved = draw.size(5e-4, 0.03) * draw.unit(2)
     wave = 2 * np.pi / draw.between(0.4, 3) * draw.unit(2)
     return bend_places(draw.detector(), lambda place: np.outer(np.sin(place @ wave), moved))
 
 
 def high_order(draw: FaultDraw) -> Parts:
+    """A detector's places err by polynomials of fifth order."""
     far, (a, b) = draw.size(1e-3, 0.15), draw.uniform_array(2)
 
     def error(place: Floats) -> Floats:
+        """The errors (n, 2) at places (n, 2), mm."""
         y, z = (place / HALF_MM).T
         return far * np.column_stack([y**5 + a * y * z**4, z**5 + b * z * y**4])
 
@@ -185,15 +192,18 @@ def high_order(draw: FaultDraw) -> Parts:
 
 
 def power_bends_place(draw: FaultDraw) -> Parts:
+    """A detector's place varies with its power."""
     slope, k = draw.size(1e-5, 5e-3), draw.detector()
     return edit("readings", [3 * k, 3 * k + 1, 3 * k + 2], lambda reading: reading * (
         1 + slope * (reading[:, 2:] / POWER_MW - 1) * [1, 1, 0]))  # fmt: skip
 
 
 def microphonics(draw: FaultDraw) -> Parts:
+    """A place is noisy while the mirror moves fast."""
     limit = draw.between(0.5, 0.9)
 
     def shaken(scene: MotionScene, rng: Rng) -> Floats:
+        """Noise in the rows with the largest steps, 0 in the others."""
         move = np.linalg.norm((scene.pose - previous(scene.pose)) / BOX_REACH, axis=1)
         return np.asarray(white(scene, rng) * (move > np.quantile(move, limit)))
 
@@ -208,28 +218,33 @@ def abbe(draw: FaultDraw) -> Parts:
 
 
 def cyclic_error(draw: FaultDraw) -> Parts:
+    """An axis of the reference has a periodic error."""
     i, far, period = draw.detector(), draw.size(3e-6, 1e-3), draw.pick([633e-6 / 2, 0.02, 0.5])
     return pose_error(i, lambda pose: far * np.sin(2 * np.pi * pose[:, i] / period))
 
 
 def bow(draw: FaultDraw) -> Parts:
+    """An axis of the reference errs by the square of another one."""
     (i, j), far = draw.rng.permutation(3)[:2], draw.size(3e-5, 0.01)
     return pose_error(i, lambda pose: far * (pose[:, j] / BOX_REACH[j]) ** 2)
 
 
 def slow_thermometer(draw: FaultDraw) -> Parts:
+    """The posts follow the temperature, which the thermometer shows late."""
     late, moved = late_warmth(draw.size(1, 200)), draw.place_shifts(3e-4, 0.015)
     of_posts, shown = draw.pick([(warmth, late), (late, warmth)])
     return add("readings", moved, of_posts) | add_thermometer(shown)
 
 
 def lamp(draw: FaultDraw) -> Parts:
+    """A lamp shines on the detectors."""
     waveforms = [draw.later(), hops(draw.between(1, 30)), lambda scene, rng: scene.progress**2]
     power = draw.size(1e-6, 3e-3) * draw.rng.uniform(0.1, 1, 3)
     return shine(power, 3 * draw.uniform_array(3, 2), draw.pick(waveforms))
 
 
 def swapped_columns(draw: FaultDraw) -> Parts:
+    """Two neighbouring columns are exchanged in some rows."""
     stage, first = draw.pick([("readings", 0), ("readings", 3), ("reference", 0), ("reference", 3)])
     return edit(stage, [first, first + 1], lambda values: values[:, ::-1], draw.part())
 
@@ -244,6 +259,7 @@ def scaled_column(draw: FaultDraw) -> Parts:
 
 
 def twice_in_table(draw: FaultDraw) -> Parts:
+    """Some rows occur twice in the table."""
     part = draw.part()
     return take_rows(
         lambda scene, rng: np.concatenate([np.arange(scene.rows), *np.where(part(scene, rng))])
@@ -251,6 +267,7 @@ def twice_in_table(draw: FaultDraw) -> Parts:
 
 
 def clock_set(draw: FaultDraw) -> Parts:
+    """The clock of the table is set during the run."""
     jump, later = draw.pick([3.0, 60.0, 3600.0]), draw.later()
     return add_column("time_s", lambda scene, rng: scene.time + jump * later(scene, rng))
 

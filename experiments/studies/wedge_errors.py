@@ -33,6 +33,7 @@ Wedge = tuple[Plane, Plane, Plane]
 
 
 def draw_wedge(rng: np.random.Generator) -> Wedge:
+    """A random wedge: its point, in sigmas, and the directions of its sides."""
     r, opening = rng.choice(OFFSETS), math.radians(rng.choice(OPENINGS))
     if rng.random() < 0.7:
         r, opening = 35 * rng.random() ** 2, math.radians(rng.uniform(0.01, 179.99))
@@ -55,10 +56,11 @@ def radial(a: Any) -> tuple[Any, Any, Any]:
 
 
 def polar_moments(q: tuple[Any, Any], low: Any, high: Any, tolerance: float) -> list[Any]:
-    """The six polar moments about q over a range of angles, by rigorous integration."""
+    """The six polar moments about q, in sigmas, over a range of angles, by rigorous integration."""
     from flint import acb, arb
 
     def integrand(n: int, angle: Any, _: bool) -> Any:
+        """The integrand of the moment n at an angle, rad."""
         sine, cosine = angle.sin_cos()
         i1, i2, i3 = radial(q[0] * cosine + q[1] * sine)
         x, y = i3 * cosine, i3 * sine
@@ -105,6 +107,7 @@ def exact_wedge(
 
 
 def computed_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[float]]:
+    """The light in a wedge by the formulas that are tested, by the kind of result."""
     side1, side2 = rays = sides(q, (u1, u2))
     ((mass, centroid, shift, from_point),) = wedges(q, ((u1, u2, side1, side2),))
     turns = [
@@ -146,6 +149,7 @@ def search(count: int, seed: int) -> list[tuple[Wedge, float, list[float]]]:
 
 
 def describe(point: Wedge, mass: float) -> str:
+    """The wedge in words: distance, width and mass."""
     q, u1, u2 = point
     opening = math.degrees(math.atan2(u1[0] * u2[1] - u1[1] * u2[0], u1[0] * u2[0] + u1[1] * u2[1]))
     return f"{math.hypot(*q):.4g} sigma off, {opening:.4g} degrees wide, mass {mass:.2g}"
