@@ -1,6 +1,6 @@
-"""Check that every sub-beam of a configured sensor hits its detector with the mirror at rest.
+"""Check that every sub-beam of a configured sensor hits its detector at the nominal pose.
 
-If one does not, some key is wrong.
+Otherwise some key of the configuration is wrong.
 """
 
 from __future__ import annotations
@@ -17,37 +17,37 @@ from ..optics.forward import readings
 
 
 def complaint(sensor: Sensor) -> str:
-    """Describe what is wrong with the sub-beams' places or light; "" if nothing is."""
+    """Describe sub-beams that miss their detectors or have no light; "" if there are none."""
     return describe_misses(sensor) or describe_dark_detectors(sensor)
 
 
 def spots(sensor: Sensor) -> Floats:
-    """Places (3, 2) of the spots at the nominal pose, psi and zeta, mm; NaN for a sub-beam that
-    misses the plane of its detector."""
+    """Positions (3, 2) of the spots at the nominal pose, psi and zeta, mm; NaN for a sub-beam that
+    does not reach the plane of its detector."""
     try:
         return np.array(readings(geometry_of(sensor), (0.0,) * 8), dtype=float)[:, :2]
-    except ZeroDivisionError:  # A ray may run exactly along a plane.
+    except ZeroDivisionError:  # A ray may be exactly parallel to a plane.
         return np.full((3, 2), np.nan)
 
 
 def powers(sensor: Sensor) -> Floats:
-    """The powers (3,) of the sub-beams at the nominal pose, mW."""
+    """Powers (3,) on the detectors at the nominal pose, mW; the beam's power if nothing cuts it."""
     if sensor.apertures == Apertures() and sensor.light == BenchLight():
-        return np.full(3, sensor.beam.power)  # nothing cuts the light
-    # One row: a command's batches take the same code, single states another.
+        return np.full(3, sensor.beam.power)
+    # A batch of one row, because commands compute batches, by other machine code than single rows.
     measured: Floats = model_readings(sensor, np.zeros((1, 8)))[0, 2::3]
     return measured
 
 
 def misses(sensor: Sensor) -> Floats:
-    """Distance of each spot from the middle of its detector (3,), in half-sizes; 1 or less on
-    it."""
+    """Distance (3,) of each spot from the middle of its detector, in half sizes: 1 or less on the
+    detector; infinite for a spot that does not reach its plane."""
     distances: Floats = np.abs(spots(sensor) / half_sizes(sensor)).max(axis=1)
     return np.where(np.isnan(distances), math.inf, distances)
 
 
 def worst_miss(sensor: Sensor) -> float:
-    """The largest of `misses`; infinite if all spots are on their detectors and one is dark."""
+    """The largest of `misses`; infinite if all spots hit their detectors but one has no light."""
     worst = float(misses(sensor).max())
     return worst if worst > 1 or (powers(sensor) > 0).all() else math.inf
 

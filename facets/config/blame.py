@@ -1,7 +1,7 @@
-"""Find the keys that cause a problem, and their lines.
+"""Find the keys of a configuration that cause a problem, and their lines.
 
-A user can change the loaded file, so its keys are named if any of them takes part, and keys of the
-files that it extends only otherwise.
+The message names keys of the loaded file, which the user can change; keys of the files that it
+extends are named only if no key of the loaded file contributes.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ SENSOR: Path_ = ("sensor",)
 
 
 def message(tree: Marked, paths: Sequence[Path_], reason: str) -> str:
-    """Write `FILE:LINE: key.path: reason`, for the first key that the user's own file sets, else
-    for the first that any file sets; the other keys follow the reason."""
+    """Write `FILE:LINE: key.path: reason` for the first key that the loaded file sets, else for the
+    first that any file sets; the other keys follow the reason."""
     marks = [(*tree.find(path), path) for path in paths]
     present = [(mark, path) for mark, at, path in marks if at == path]
     present.sort(key=lambda pair: pair[0].file != tree.file)
@@ -28,7 +28,7 @@ def message(tree: Marked, paths: Sequence[Path_], reason: str) -> str:
 
 
 def leaves(mark: Marked, path: Path_ = ()) -> Iterator[tuple[Path_, Marked]]:
-    """The values of a tree that are not blocks of keys, with their paths."""
+    """The paths and values of a tree's keys, apart from keys that hold blocks."""
     if isinstance(mark.value, dict):
         for key, child in mark.value.items():
             yield from leaves(child, (*path, key))
@@ -56,26 +56,24 @@ def _remove_key(mark: Marked, path: Path_) -> Marked:
 
 
 def culprits(tree: Marked, misses: Misses) -> list[Path_]:
-    """The keys of the sensor that make it fail.
+    """Find the keys of the sensor without which the configuration would not fail.
 
-    misses: measures the failure of a tree; 1 or less for none. The result is one key of
-    the user's own file if that suffices, else the fewest of that file, else the fewest of all
-    files.
+    misses: size of a tree's failure; 1 or less if it does not fail. The result is one key of the
+    loaded file if that suffices, else few keys of that file, else of all files.
     """
-    every = list(leaves(tree.find(SENSOR)[0], SENSOR))
-    of_file = [path for path, mark in every if mark.file == tree.file]
-    for some in (of_file, [path for path, _ in every]):
-        alone = [(misses(remove_keys(tree, [path])), n) for n, path in enumerate(some)]
-        if alone and min(alone)[0] <= 1:
-            return [some[min(alone)[1]]]
-        if some and misses(remove_keys(tree, some)) <= 1:
-            return smallest_set(tree, some, misses)
-    return of_file[:1] or [SENSOR]
+    entries = list(leaves(tree.find(SENSOR)[0], SENSOR))
+    file_paths = [path for path, mark in entries if mark.file == tree.file]
+    for paths in (file_paths, [path for path, _ in entries]):
+        sizes = [(misses(remove_keys(tree, [path])), n) for n, path in enumerate(paths)]
+        if sizes and min(sizes)[0] <= 1:
+            return [paths[min(sizes)[1]]]
+        if paths and misses(remove_keys(tree, paths)) <= 1:
+            return smallest_set(tree, paths, misses)
+    return file_paths[:1] or [SENSOR]
 
 
 def smallest_set(tree: Marked, paths: list[Path_], misses: Misses) -> list[Path_]:
-    """The smallest subset of keys whose removal suffices, found by restoring them one after the
-    other."""
+    """Reduce a set of keys whose removal avoids the failure, by restoring one after the other."""
     chosen = list(paths)
     for path in paths:
         fewer = [other for other in chosen if other != path]

@@ -9,8 +9,10 @@ from typing import Any
 def differences(
     old: dict[str, Any], new: dict[str, Any], write: Callable[[Any], Any] = lambda value: value
 ) -> dict[str, Any]:
-    """Return the nested keys of `new` whose values differ from those of `old`, in the form that
-    `write` gives them."""
+    """Return the nested keys of `new` whose values differ from those of `old`.
+
+    write: converts a value for comparison and output.
+    """
     changed = {}
     for key, value in new.items():
         before = old.get(key)

@@ -1,7 +1,4 @@
-"""The check of a configuration file by its JSON Schema.
-
-The check is strict: text and true/false are no numbers.
-"""
+"""Check a configuration by its JSON Schema, strictly: text and true/false are not numbers."""
 
 from __future__ import annotations
 
@@ -41,15 +38,15 @@ LIMITS: dict[str, Callable[[Any, Any], bool]] = {
 
 
 class ValueCheck:
-    """The check of a document, which collects its problems: the path of each, and the reason."""
+    """Check of a document by its schema.  problems: path and reason of each problem."""
 
     def __init__(self) -> None:
         self.problems: list[tuple[Path_, str]] = []
 
     def value(self, node: Node, value: Any, path: Path_ = (), is_filled: bool = True) -> Any:
-        """Return a value in the form of its schema.
+        """Return a value as plain types of its schema, or unchanged after adding to `problems`.
 
-        is_filled: whether omitted keys get their defaults.
+        node: the schema.  is_filled: whether omitted keys get their defaults.
         """
         node = follow_reference(node)
         if node.get("type") == BLOCK and (value is None or isinstance(value, dict)):
@@ -64,7 +61,7 @@ class ValueCheck:
         return [value, value] if is_pair else value
 
     def _plain_value(self, node: Node, option: Node, value: Any, path: Path_) -> Any:
-        """Return a value other than a block in the form of one of its node's options."""
+        """Return a value that is no block as plain types of a schema's option; see `value`."""
         if not fits(option, value):
             self.problems.append((path, wrong_value(path, value, node)))
         elif option["type"] == "array":
@@ -93,7 +90,7 @@ class ValueCheck:
         return checked
 
     def _named_block(self, node: Node, name: str, values: Any, path: Path_) -> Any:
-        """Return a block with a name of the user's."""
+        """Return a block whose name the user chose, such as a motion; see `value`."""
         if not re.fullmatch(NAME, name):
             self.problems.append(((*path, name), wrong_name(name)))
         return self.value(entry_below(node, name, values) or {}, values, (*path, name))
@@ -114,10 +111,10 @@ def fits(node: Node, value: Any) -> bool:
 
 
 def resolve(values: Any) -> tuple[dict[str, Any], list[tuple[Path_, str]]]:
-    """ValueCheck the keys of a document, as plain types.
+    """Check the keys of a document and fill in all defaults.
 
-    Returns every key with its value, per detector, which load to the same configuration; or the
-    path and the reason of each problem.
+    Returns every key with its value, with the common keys of facets and detectors written out for
+    each; or an empty dict, and the path and the reason of each problem.
     """
     check = ValueCheck()
     plain = check.value(document(), values)
@@ -130,8 +127,8 @@ def resolve(values: Any) -> tuple[dict[str, Any], list[tuple[Path_, str]]]:
 
 
 def _single_blocks(common: dict[str, Any]) -> dict[str, Any]:
-    """The blocks a, b and c with all keys: their own, else the common ones, else the nominal
-    azimuth."""
+    """The blocks a, b and c with all keys: a key of the block itself, else the common key, else the
+    nominal azimuth."""
     parts = {name: common.pop(name) for name in DETECTORS}
     return {
         name: _overlay({**deepcopy(common), "azimuth_deg": 120.0 * k}, part)
@@ -140,7 +137,7 @@ def _single_blocks(common: dict[str, Any]) -> dict[str, Any]:
 
 
 def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """Return `below` with the keys of `above` laid over it, block by block."""
+    """Return `below` with its keys replaced by the keys of `above`, block by block."""
     blocks = {
         key: _overlay(below[key], value) if isinstance(value, dict) else value
         for key, value in above.items()

@@ -11,7 +11,10 @@ from ..files.tables import read_numbers
 
 
 def read(path: Path, degrees_of_freedom: float | None = None) -> Calibration:
-    """Read a covariance; raise `InputError` if the file holds no square table of numbers."""
+    """Read the covariance of parameters.
+
+    Raises `InputError` for an unknown parameter, and if the table is not square or not numbers.
+    """
     names, rows = read_numbers(path)
     unknown = [name for name in names if name not in KNOWN]
     if unknown:
@@ -23,6 +26,6 @@ def read(path: Path, degrees_of_freedom: float | None = None) -> Calibration:
 
 
 def columns(calibration: Calibration) -> dict[str, list[float]]:
-    """Return a covariance as columns of a table."""
+    """Return a covariance as columns of a table, one for each parameter."""
     rows = calibration.covariance
     return {name: [row[n] for row in rows] for n, name in enumerate(calibration.names)}

@@ -19,9 +19,10 @@ NAMED = (
 
 
 def find(name_or_path: str | Path, base: Path | None = None) -> Path:
-    """Return the file of a shipped name or a path; relative paths start at `base`.
+    """Find the file of a shipped configuration's name or of a path.
 
-    Raises ConfigError without file and line, which only the caller knows.
+    base: folder at which relative paths start; None: the working directory. Raises ConfigError if
+    there is no such file, without a file and line, which only the caller knows.
     """
     names = shipped()
     if isinstance(name_or_path, str) and name_or_path in names:
@@ -42,9 +43,11 @@ def _missing_file(name_or_path: str, file: Path, names: dict[str, Path]) -> str:
     nearby = [f.name for f in file.parent.glob("*") if f.suffix in SUFFIXES]
     bare = Path(name_or_path).name == name_or_path
     candidates = [*names, *nearby] if bare else nearby
-    what = "no such file" if not bare or file.suffix in SUFFIXES else "no such file or shipped name"
+    fault = (
+        "no such file" if not bare or file.suffix in SUFFIXES else "no such file or shipped name"
+    )
     hint = suggest_name(file.name, candidates)
-    return f"{name_or_path}: {what}{hint} (shipped names: {', '.join(names)})"
+    return f"{name_or_path}: {fault}{hint} (shipped names: {', '.join(names)})"
 
 
 #: Largest number of files of one configuration.
@@ -54,13 +57,18 @@ MOST_FILES = 50
 def gather(file: Path, files: dict[Path, Marked] | None = None) -> Marked:
     """Merge a file over all files that it extends; each value keeps its file and line.
 
-    files: receives all these files.
+    files: receives these files with their merged trees. Raises `ConfigError` with file and line for
+    a missing file, a circle, or more than MOST_FILES files.
     """
     return _gather_files(file, (), {} if files is None else files)
 
 
 def _gather_files(file: Path, children: tuple[Path, ...], merged: dict[Path, Marked]) -> Marked:
-    """Merge a file; merged: files that have been merged already, so that each is read once."""
+    """Merge a file over the files that it extends.
+
+    children: the files that lead to this one by `extends`.  merged: receives each merged file, so
+    that none is read twice.
+    """
     if file in merged:
         return merged[file]
     tree = read(file)
@@ -70,7 +78,7 @@ def _gather_files(file: Path, children: tuple[Path, ...], merged: dict[Path, Mar
     if extends is not None and extends.value is not None:
         links = extends.value if isinstance(extends.value, list) else [extends]
     chain = (*children, file)
-    laid: Marked | None = None
+    result: Marked | None = None
     for link in links:
         parent = _find_parent(link)
         if parent in chain:
@@ -83,15 +91,15 @@ def _gather_files(file: Path, children: tuple[Path, ...], merged: dict[Path, Mar
                 f"{link.place}: extends: more than {MOST_FILES} files in all; combine some of them"
             )
         below = _gather_files(parent, chain, merged)
-        laid = below if laid is None else merge(laid, below)
-    merged[file] = tree if laid is None else merge(laid, tree)
+        result = below if result is None else merge(result, below)
+    merged[file] = tree if result is None else merge(result, tree)
     return merged[file]
 
 
 def _drop_imperfections(tree: Marked) -> None:
-    """Drop the block `sensor.imperfections` of files of version 0.2, where all of it is off.
+    """Drop the block `sensor.imperfections` of version 0.2 from a file if all its effects are off.
 
-    Raises ConfigError if it describes an effect, which later versions have in `sensor.light`.
+    Raises ConfigError for an effect that is on; later versions have it in `sensor.light`.
     """
     sensor = tree.value.get("sensor")
     if sensor is None or not isinstance(sensor.value, dict):
@@ -102,7 +110,7 @@ def _drop_imperfections(tree: Marked) -> None:
     del sensor.value["imperfections"]
     for name, value in block.plain().items():
         if name.startswith(("sag_over", "rolloff_width", "background_mm")):
-            continue  # of no effect without the other keys
+            continue  # without effect unless another key is set
         if any(value) if isinstance(value, list) else value:
             raise ConfigError(
                 f"{block.value[name].place}: sensor.imperfections.{name}: this block no longer "
@@ -124,7 +132,7 @@ def _find_parent(link: Marked) -> Path:
 
 
 def merge(parent: Marked, child: Marked, path: tuple[str, ...] = ()) -> Marked:
-    """Lay `child` over `parent`, key by key; lists and single values are replaced as a whole.
+    """Replace the keys of `parent` by the keys of `child`; lists are replaced as a whole.
 
     A motion that changes `kind` replaces the inherited one. A motion or a part without a value
     (`x-steps:`) removes the inherited one.

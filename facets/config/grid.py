@@ -1,4 +1,4 @@
-"""Measured corrections of a detector, from a CSV file."""
+"""Read and write measured corrections of a detector, as CSV files."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ COLUMNS = ("psi_mm", "zeta_mm", "add_psi_um", "add_zeta_um")
 
 
 def read(path: Path) -> Grid:
-    """Read a grid, its rows in any order; raise `InputError` if a crossing is missing or no
-    number."""
+    """Read a grid of corrections, whose rows may be in any order.
+
+    Raises `InputError` if a row is missing, twice or not numbers.
+    """
     _, rows = read_numbers(path, COLUMNS)
     y, z = np.unique(rows[:, 0]), np.unique(rows[:, 1])
     crossings = len(np.unique(rows[:, :2], axis=0))
@@ -36,8 +38,8 @@ def read(path: Path) -> Grid:
 
 
 def columns(grid: Grid) -> dict[str, Any]:
-    """Return a grid as columns of a table."""
+    """Return a grid as columns of a table, with a row for each of its points."""
     y, z = np.meshgrid(grid.y, grid.z, indexing="ij")
-    added = (1e3 * np.array(values) for values in (grid.add_y, grid.add_z))
-    parts = (part.ravel() for part in (y, z, *added))
+    corrections = (1e3 * np.array(values) for values in (grid.add_y, grid.add_z))
+    parts = (part.ravel() for part in (y, z, *corrections))
     return dict(zip(COLUMNS, parts, strict=True))

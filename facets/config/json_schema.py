@@ -1,4 +1,4 @@
-"""The JSON Schema of a configuration, for editors, and the allowed values of a key in words."""
+"""The JSON Schema of configurations for editors, and the allowed values of a key in words."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from .yaml_positions import Path_, dotted_path
 
 
 def schema() -> Node:
-    """JSON Schema, draft 2020-12, of a configuration file, for editors.
+    """Return the JSON Schema, draft 2020-12, of a configuration file, for editors.
 
-    It accepts more than `load` where a single file cannot decide: a motion may omit inherited keys
-    or be empty to remove an inherited motion, and a block may be empty.
+    It accepts files that are valid only with the files that they extend: a motion may omit
+    inherited keys or be empty to remove an inherited motion, and a block may be empty.
     """
     dialect = "https://json-schema.org/draft/2020-12/schema"
     blocks = document()["$defs"]
@@ -57,7 +57,10 @@ def entry_below(node: Node, key: str | int, plain: Any) -> Node | None:
 
 
 def _motion_entry(references: list[Node], plain: Any) -> Node:
-    """The schema of a motion of its kind; without a kind, of the key `kind` alone."""
+    """The schema of a motion of the kind in `plain`; without a known kind, of the key `kind` alone.
+
+    references: schemas of all kinds.
+    """
     blocks = map(follow_reference, references)
     kinds = {block["properties"]["kind"]["enum"][0]: block for block in blocks}
     kind = plain.get("kind") if isinstance(plain, dict) else None
@@ -68,7 +71,7 @@ def _motion_entry(references: list[Node], plain: Any) -> Node:
 
 
 def _entry_of_item(node: Node, place: int) -> Node | None:
-    """The allowed item of a list at a place."""
+    """The schema of a list's item at an index."""
     for option in (node, *node.get("anyOf", [])):
         if place < len(option.get("prefixItems", [])):
             item: Node = option["prefixItems"][place]
@@ -86,7 +89,8 @@ def follow_reference(node: Node) -> Node:
 
 
 def unit(path: Path_) -> str:
-    """The unit in a key's name, or ""; axes of `cycles` and `phase_deg` have the block's unit."""
+    """The unit in a key's name, or ""; for the axes in `cycles` and `phase_deg`, the unit in the
+    block's name."""
     keys = [key for key in path if isinstance(key, str)]
     if path[0] == "motions" and len(keys) == 4 and keys[2] in ("cycles", "phase_deg"):
         keys.pop()
@@ -141,7 +145,7 @@ COUNTS = {2: "two", 3: "three", 6: "six"}
 
 
 def _list_in_words(node: Node) -> str:
-    """The allowed list in words: 'a list of two numbers from 0 to 100'."""
+    """Describe an allowed list: 'a list of two numbers from 0 to 100'."""
     inner = node["items"] if "items" in node else node["prefixItems"][0]
     count = node.get("minItems", "")
     many = COUNTS.get(count, str(count))
@@ -165,7 +169,7 @@ def _range_in_words(node: Node) -> str:
 
 
 def key_names(path: Path_) -> list[str]:
-    """The keys that a block may hold."""
+    """Names of the keys that the block at a path may hold."""
     node = entry(path) or {}
     return list(node.get("properties", {}))
 
@@ -174,8 +178,8 @@ TOP_LEVEL = "at the file's top level"
 
 
 def advice_on_key(path: Path_, allowed: list[str]) -> str:
-    """Suggest the nearest allowed name for an unknown key, or the block to which it belongs; "" if
-    there is neither."""
+    """Suggest the nearest allowed name for an unknown key, or the block to which the key belongs;
+    "" if there is neither."""
     wrong = path[-1]
     if near := suggest_name(str(wrong), allowed):
         return near

@@ -1,7 +1,7 @@
-"""The keys of a whole configuration file.
+"""The keys of a complete configuration file.
 
-Defaults are the rig of Park & Cho, Table 1; R_PSD, which is missing there, follows from the ranges
-of Table 2.
+The defaults describe the rig of Park & Cho, Table 1; R_PSD, which the table lacks, follows from the
+ranges of Table 2.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def _motion_block(block: KeyBlock, kind: str) -> KeyBlock:
 
 #: The kinds of motions, each with its own keys.
 MOTIONS = {kind.kind: _motion_block(block_of(kind), kind.kind) for kind in KINDS}
-#: A whole file.
+#: The keys of a file.
 DOCUMENT = block_of_keys(
     "Document",
     "A configuration of the three-facet-mirror 6-DOF sensor.",

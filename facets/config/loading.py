@@ -73,7 +73,7 @@ def load(name_or_path: str | Path) -> Config:
 
 
 def fingerprint(resolved: dict[str, Any]) -> str:
-    """SHA-256 of `resolved_text`."""
+    """SHA-256 checksum, in hexadecimal digits, of the `resolved_text` of a configuration."""
     return hashlib.sha256(resolved_text(resolved).encode()).hexdigest()
 
 
@@ -102,17 +102,17 @@ def _resolve(tree: Marked) -> dict[str, Any]:
 
 
 def _sensor_keys(tree: Marked) -> dict[str, Any]:
-    """The `sensor` block of a tree, completed by the keys of a sound one."""
+    """The resolved `sensor` block of a tree without problems, with absolute paths."""
     keys: dict[str, Any] = resolve(tree.plain())[0]["sensor"]
     _locate_measured_files(tree, keys)
     return keys
 
 
 def _sensor_problems(tree: Marked, keys: dict[str, Any]) -> list[str]:
-    """The problem that the sensor itself reports, or that a sub-beam misses its detector.
+    """Describe a sensor that is not possible, or a sub-beam that misses its detector.
 
-    The key that is blamed is the one of the user's own file without which there is no such problem,
-    and the spots come closest to the middles of their detectors.
+    The message names the key of the loaded file without which there is no problem; of several such
+    keys, the one without which the spots are closest to the middles of their detectors.
     """
     if not (complaint := _complaint(keys)):
         return []
@@ -129,7 +129,7 @@ def _complaint(keys: dict[str, Any]) -> str:
 
 
 def _worst_miss(tree: Marked) -> float:
-    """See `alignment_check.worst_miss`; infinite without a sensor."""
+    """The `alignment_check.worst_miss` of a tree; infinite if its sensor is not possible."""
     try:
         return alignment_check.worst_miss(SENSOR.read(_sensor_keys(tree)))
     except InputError:
@@ -137,7 +137,10 @@ def _worst_miss(tree: Marked) -> float:
 
 
 def _locate_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
-    """Make the paths of motion tables absolute, relative to the file that names them."""
+    """Make the paths of motions' tables absolute, and describe missing files.
+
+    A relative path starts at the folder of the file that names it.
+    """
     problems = []
     for name, keys in motions.items():
         if keys["kind"] != "table":
@@ -167,8 +170,8 @@ MEASURED: dict[str, tuple[list[tuple[str, ...]], str]] = {
 
 
 def measured_files(resolved: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
-    """The files of measurements that a resolved configuration names: block, key, and key of the
-    checksum."""
+    """The files of measurements in a resolved configuration, each as its block, the name of its key
+    there, and its checksum."""
     files = []
     for block, (places, total) in MEASURED.items():
         keys, name = _block(resolved["sensor"], block), places[0][-1]
@@ -178,7 +181,7 @@ def measured_files(resolved: dict[str, Any]) -> list[tuple[dict[str, Any], str, 
 
 
 def source_files(config: Config) -> list[Path]:
-    """The files that a configuration was read from: those that it extends, and its tables."""
+    """All files of a configuration: its own, the files that it extends, and its tables."""
     files = dict[Path, Marked]()
     gather(config.path, files)
     motions = [keys for keys in config.resolved["motions"].values() if keys["kind"] == "table"]
@@ -187,14 +190,15 @@ def source_files(config: Config) -> list[Path]:
 
 
 def _block(keys: dict[str, Any], dotted: str) -> dict[str, Any]:
-    """The block of a dotted path."""
+    """The block at a dotted path."""
     for part in dotted.split("."):
         keys = keys[part]
     return keys
 
 
 def _locate_measured_files(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """Make the paths of files about the sensor absolute, and verify the files' checksums."""
+    """Make the paths of measured files absolute, fill in their checksums, and describe files that
+    are missing or have another checksum than stated."""
     problems = []
     for block, (places, total) in MEASURED.items():
         keys, name = _block(sensor, block), places[0][-1]
@@ -220,8 +224,8 @@ def _locate_measured_files(tree: Marked, sensor: dict[str, Any]) -> list[str]:
 
 
 def _wide_edges(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """Check that losses and roll-off at edges and tip are small compared with the beam, because the
-    model is of first order."""
+    """Check that losses and roll-off at edges and tip are small compared with the beam, because
+    they are modelled to first order."""
     diameter = sensor["beam"]["diameter_mm"]
     narrow = 1e3 * (min(diameter) if isinstance(diameter, list | tuple) else diameter)
     light = sensor["light"]
@@ -242,7 +246,7 @@ def _wide_edges(tree: Marked, sensor: dict[str, Any]) -> list[str]:
 
 
 def _gained_strips(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """Check that an edge or the tip loses no negative area, unless the value is an estimate."""
+    """Check that the areas lost at edges and tip are not negative, unless they are estimates."""
     if sensor["calibration"]["file"] is not None:
         return []
     problems = []
@@ -271,7 +275,8 @@ def _empty_bounds(tree: Marked, variables: dict[str, Any]) -> list[str]:
 
 
 def _layout_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
-    """Check that parts decide no variable, and that a weighted aim has weights."""
+    """Check that no variable is also chosen by a list of parts, and that a weighted aim has
+    weights."""
     problems = [
         message(
             tree,
@@ -306,8 +311,8 @@ def _channel_conflicts(tree: Marked, channels: list[dict[str, Any]]) -> list[str
     return problems
 
 
-#: Largest force of a stage without a permit and a heartbeat, N: what ISO 14120 allows a powered
-#: guard without a protective device.
+#: Largest force of a stage without a permit and a heartbeat, N: the limit of ISO 14120 for powered
+#: guards without a protective device.
 MAX_FORCE_N = 75.0
 GRAVITY_M_S2 = 9.81
 
@@ -327,9 +332,9 @@ def _stage_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
 
 
 def _method_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
-    """Check the beam and power for the paper's inversion, which allows one choice only.
+    """Check that a file with `method: paper` sets no other beam or power than this method allows.
 
-    An omitted power counts as known there, whatever the default.
+    Omitted keys are not checked: the method ignores their defaults.
     """
     if keys["method"] != "paper":
         return []

@@ -63,7 +63,7 @@ def _count(length: int) -> dict[str, int]:
 
 @cache
 def document() -> Node:
-    """The schema of a complete configuration."""
+    """The schema of a configuration, with the schemas of its blocks under `$defs`."""
     definitions: dict[str, Node] = {}
     body = block_node(DOCUMENT, definitions)
     return {**body, "$defs": dict(sorted(definitions.items()))}
@@ -72,8 +72,8 @@ def document() -> Node:
 def block_node(block: KeyBlock, definitions: dict[str, Node]) -> Node:
     """The schema of a block of keys.
 
-    definitions: receive the schemas of the blocks inside. A block whose omitted keys have a value
-    elsewhere has neither defaults nor `required`.
+    definitions: receives the schemas of the blocks inside. A partial block, whose omitted keys take
+    their values from another block, has neither defaults nor `required`.
     """
     properties = {key.name: _key_node(key, definitions) for key in block.keys}
     required = {"required": [key.name for key in block.keys if key.default is MISSING]}

@@ -15,7 +15,7 @@ from .yaml_positions import Marked, Path_, dotted_path
 
 
 def messages(problems: list[tuple[Path_, str]], tree: Marked) -> list[str]:
-    """A line for each problem, given by its path and its reason, in the order of the file."""
+    """Write a line for each problem, a path with a reason, in the order of files and lines."""
     lines = {}
     for path, reason in problems:
         mark, _ = tree.find(path)
@@ -36,42 +36,42 @@ def missing_key(path: Path_, node: Node) -> str:
 
 
 def wrong_value(path: Path_, value: Any, node: Node) -> str:
-    may = describe_values(path, node)
-    return f"{_reason(value, node, may)} (got {quote_value(value)}; allowed: {may})"
+    allowed = describe_values(path, node)
+    return f"{_reason(value, node, allowed)} (got {quote_value(value)}; allowed: {allowed})"
 
 
-def _reason(value: Any, node: Node, may: str) -> str:
+def _reason(value: Any, node: Node, allowed: str) -> str:
     if value is None:
         return "has no value"
     if node.get("type") == BLOCK:
         return "must be a block of keys"
     if "enum" in node:
         return f"is not one of the words allowed{suggest_name(str(value), node['enum'])}"
-    if "number" in may:
-        return _reason_of_number(value, may)
-    return f"must be {may}"
+    if "number" in allowed:
+        return _reason_of_number(value, allowed)
+    return f"must be {allowed}"
 
 
-def _reason_of_number(value: Any, may: str) -> str:
+def _reason_of_number(value: Any, allowed: str) -> str:
     if isinstance(value, str):
         return "must be a number, not text" + _advice(value)
     if isinstance(value, list):
-        takes_list = "two" in may or "list" in may
-        return f"must be {_count_in_words(may) if takes_list else 'one number, not a list'}"
+        takes_list = "two" in allowed or "list" in allowed
+        return f"must be {_count_in_words(allowed) if takes_list else 'one number, not a list'}"
     if not is_number(value):
         return "must be a number"
-    if "list" in may:
-        return f"must be {_count_in_words(may)}"
-    if not -math.inf < value < math.inf:  # whole numbers may be longer than floats
+    if "list" in allowed:
+        return f"must be {_count_in_words(allowed)}"
+    if not -math.inf < value < math.inf:  # math.isfinite fails for very large integers
         return "must be a finite number"
-    if "whole" in may and isinstance(value, float):
+    if "whole" in allowed and isinstance(value, float):
         return "must be a whole number"
     return "is out of range"
 
 
-def _count_in_words(may: str) -> str:
-    """Find the number of items in 'a list of 9 numbers from ...'."""
-    match = re.search(r"(?:list of|one or) (\w+ (?:pairs of )?numbers)", may)
+def _count_in_words(allowed: str) -> str:
+    """Find '9 numbers' in 'a list of 9 numbers from ...'."""
+    match = re.search(r"(?:list of|one or) (\w+ (?:pairs of )?numbers)", allowed)
     return match[1] if match else "two numbers"
 
 
@@ -80,7 +80,7 @@ def is_number(value: Any) -> bool:
 
 
 def _advice(text: str) -> str:
-    """Advise how to turn text into a number, where the text nearly is one."""
+    """Advise how to correct a text that is nearly a number; "" for other texts."""
     if re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text):
         return "; write the decimals after a point"
     if re.match(r"\s*[-+]?[\d.]+\s*[a-zA-Z]+\s*$", text):

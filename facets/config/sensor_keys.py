@@ -35,7 +35,7 @@ TABLE = Key(
 )
 
 
-def _sum_of_file(name: str) -> Key:
+def _checksum_key(name: str) -> Key:
     form = {"pattern": "^[0-9a-f]{64}$", "error": "must be 64 digits and letters a to f"}
     return Key(name, None, "SHA-256 checksum of that file", hint=str, bounds=form)
 
@@ -47,7 +47,7 @@ def _read_grid(values: Values) -> Grid | None:
 def _three_of(
     name: str, meaning: str, single: KeyBlock, single_meaning: str, what: str
 ) -> KeyBlock:
-    """Blocks for a, b and c and their common keys: all but the azimuth."""
+    """A block with the blocks a, b and c and their common keys, which exclude the azimuth."""
     sources = {field: source for field, source in single.sources.items() if field != "azimuth"}
     common = replace(single, sources=sources).keys
     part = KeyBlock(
@@ -67,7 +67,7 @@ CORRECTION = replace(
     CORRECTION,
     sources={
         **CORRECTION.sources,
-        "grid": FieldSource((TABLE, _sum_of_file("table_sha256")), _read_grid),
+        "grid": FieldSource((TABLE, _checksum_key("table_sha256")), _read_grid),
     },
 )
 MIRROR = _three_of(
@@ -133,7 +133,7 @@ CALIBRATION = block_of_keys(
     "The covariance of parameters that were calibrated.",
     [
         Key("file", None, "CSV file of the covariance, path from this file", hint=str),
-        _sum_of_file("sha256"),
+        _checksum_key("sha256"),
         Key(
             "degrees_of_freedom",
             None,
@@ -203,10 +203,10 @@ SENSOR = KeyBlock(
 
 
 def write_sensor(keys: dict[str, Any], sensor: Sensor) -> dict[str, Any]:
-    """Return the resolved `sensor` block with the sensor's geometry and light.
+    """Return a resolved `sensor` block with the sensor's geometry, light and temperature.
 
-    Values that give the same as in the sensor keep their spelling. Noise, electronics, apertures
-    and calibration stay those of the block.
+    Values that are equal to the sensor's keep their spelling. Noise, electronics, apertures and
+    calibration remain unchanged.
     """
     new = deepcopy(keys)
     new["beam"] = block_of(Beam).write(keys["beam"], sensor.beam)

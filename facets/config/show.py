@@ -1,4 +1,4 @@
-"""Write a configuration as YAML in full, each key with its meaning."""
+"""Write a complete configuration as YAML, each key with its meaning."""
 
 from __future__ import annotations
 
@@ -39,12 +39,13 @@ def _block_lines(keys: dict[str, Any], path: Path_, document: dict[str, Any]) ->
 
 
 def _key_line(text: str, path: Path_, document: dict[str, Any]) -> str:
-    """Write a line with the key's meaning and range, once for all detectors and motions."""
+    """Write a line with the key's meaning and range; without them for a motion and for all
+    detectors except A, so that they appear once."""
     if {"b", "c"} & set(path) or path[0] == "motions":
         return text
     meaning = (entry(path, document) or {}).get("description", "")
-    may = allowed_values(path, document).removeprefix("a ").removeprefix("number ")
-    return f"{text:<{COLUMN}}  # {meaning} ({may})"
+    allowed = allowed_values(path, document).removeprefix("a ").removeprefix("number ")
+    return f"{text:<{COLUMN}}  # {meaning} ({allowed})"
 
 
 def _is_place(value: dict[str, Any]) -> bool:

@@ -1,4 +1,4 @@
-"""Read YAML so that every value keeps the file and line that it came from."""
+"""Read YAML so that every value has the file and line of its origin."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ MOST_BYTES = 1_000_000
 
 @dataclass(frozen=True)
 class Marked:
-    """A YAML value. `value`: a scalar, a list of Marked, or a dict of Marked by key.
+    """A YAML value with its position.
 
-    line: that of the key for an entry of a mapping. below: the value at this place in the files
-    that this one extends, or None.
+    value: a scalar, a list of Marked, or a dict of Marked by key.  line: in the file, from 1; of
+    the key for an entry of a mapping.  below: the value of the same key in the files that this one
+    extends, or None.
     """
 
     value: Any
@@ -41,7 +42,7 @@ class Marked:
         return f"{path_text(self.file)}:{self.line}"
 
     def plain(self) -> Any:
-        """The value as YAML gives it, without positions."""
+        """The value without positions, as plain types."""
         if isinstance(self.value, dict):
             return {key: child.plain() for key, child in self.value.items()}
         if isinstance(self.value, list):
@@ -49,7 +50,7 @@ class Marked:
         return self.value
 
     def find(self, path: Path_) -> tuple[Marked, Path_]:
-        """The value at a path, or the closest value above it, and the path of the result."""
+        """The value at a path, or the deepest existing value above it, with that value's path."""
         value: Marked = self
         for depth, key in enumerate(path):
             inside = value.value
@@ -61,7 +62,7 @@ class Marked:
 
 
 def path_text(file: Path) -> str:
-    """Write a path relative to the working directory, if shorter."""
+    """Write a path, relative to the working directory if it lies within it."""
     try:
         return str(file.relative_to(Path.cwd()))
     except (ValueError, OSError):
@@ -69,8 +70,10 @@ def path_text(file: Path) -> str:
 
 
 def read(file: Path) -> Marked:
-    """Read one YAML file; raise `ConfigError` with file and line if it is no YAML or cannot be
-    read."""
+    """Read one YAML file.
+
+    Raises `ConfigError` with file and line if it cannot be read or is not valid YAML.
+    """
     text = _read_text(file)
     yaml = YAML(typ="safe", pure=True)
     try:
@@ -79,7 +82,7 @@ def read(file: Path) -> Marked:
         tree = reader.mark(root, root.start_mark.line + 1, ()) if root else Marked({}, file, 1)
     except YAMLError as error:
         raise ConfigError(_syntax_message(file, error, text)) from None
-    except (ValueError, OverflowError) as error:  # ruamel fails at a value that is none.
+    except (ValueError, OverflowError) as error:  # ruamel raises these for invalid values.
         raise ConfigError(f"{path_text(file)}: not valid YAML: {error}") from None
     except RecursionError:
         raise ConfigError(f"{path_text(file)}: nested too deeply") from None
@@ -140,7 +143,7 @@ def _syntax_message(file: Path, error: YAMLError, text: str) -> str:
 
 
 class _Reader:
-    """Convert ruamel's nodes to `Marked` values and collect the problems on the way."""
+    """Converter of ruamel's nodes to `Marked` values, which collects the problems."""
 
     def __init__(self, file: Path, yaml: YAML) -> None:
         self.file = file
@@ -181,13 +184,12 @@ class _Reader:
     def _scalar(self, node: ScalarNode, line: int, path: Path_) -> Any:
         try:
             value = self.constructor.construct_object(node)
-        # Examples are an impossible date or a number of miles.
-        except (ValueError, OverflowError) as error:
+        except (ValueError, OverflowError) as error:  # such as an impossible date
             self._problem(line, path, f"not a value: {str(error).partition(';')[0]}")
             return None
         if isinstance(value, int | float) and "_" in node.value:
             self._problem(line, path, f"a number has no underscores (got {node.value})")
-        return node.value if isinstance(value, date) else value  # no key takes a date but as text
+        return node.value if isinstance(value, date) else value  # Keys take dates as text only.
 
     def _entries(self, node: MappingNode, path: Path_) -> Iterator[tuple[str, Marked]]:
         lines: dict[str, int] = {}

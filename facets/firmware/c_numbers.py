@@ -1,4 +1,4 @@
-"""Writes a formula as statements of a C function. See `scalars.statements`."""
+"""Write a formula as statements of a C function; see `scalars.statements`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ..scalars.tracing import Condition, Value
 
 
 class WideValue(Value):
-    """A number of the type `facets_wide`, which has double precision in both builds."""
+    """A number of the C type `facets_wide`, which has double precision in both builds."""
 
     __slots__ = ()
 
 
 def number(value: float, wide: bool = False) -> str:
-    """Write a constant in C with all digits."""
+    """Write a constant in C with all digits.  wide: whether it is of the type `facets_wide`."""
     text = "FACETS_NAN" if math.isnan(value) else repr(float(value))
     return f"{'W' if wide else 'R'}({text.replace('inf', 'FACETS_INFINITY')})"
 
@@ -43,18 +43,18 @@ def is_wide(*parts: Numbers) -> bool:
 
 
 class CWriter(StatementWriter):
-    """Collects the statements of one C function, some of them of wide numbers."""
+    """Writer of the statements of one C function, which may contain wide numbers."""
 
     def __init__(self, language: Language = C, functions: dict[Any, str] | None = None) -> None:
         super().__init__(language, functions)
 
     def wide_array(self, name: str, count: int) -> tuple[Value, ...]:
-        """The wide numbers of a C array."""
+        """The elements of a C array of wide numbers."""
         return tuple(WideValue(self, f"{name}[{n}]") for n in range(count))
 
     def narrow(self, part: Numbers) -> Numbers:
-        """Convert wide numbers, in nested tuples, to plain ones."""
-        return nest(part, (self._narrow(each) for each in leaves(part)))
+        """Convert the wide numbers in nested tuples to plain numbers."""
+        return nest(part, (self._narrow(leaf) for leaf in leaves(part)))
 
     def _narrow(self, part: Numbers) -> Numbers:
         if not is_wide(part):

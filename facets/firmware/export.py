@@ -1,4 +1,4 @@
-"""Writes a sensor's solver as a folder of C."""
+"""Write a sensor's solver as a folder of C code."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .model_text import needs_double
 from .source import CSource, Provenance, fill_template, template, write_source
 from .vectors import TestVectors, make_vectors
 
-#: Sizes for the shipped configuration `bench`: GCC 12.2 with -O2, instructions counted by QEMU 7.2.
+#: Sizes and speeds, measured with GCC 12.2 at -O2 and QEMU 7.2, which counts instructions.
 COSTS = """\
 For the shipped configuration `bench` (GCC 12.2, `-O2`; instructions as QEMU counts; a Cortex-M7 at
 600 MHz with one instruction a cycle would need 17 us for a step):
@@ -28,9 +28,8 @@ Without the C library's `exp`, `atan2` and their like; the light far off the bea
 10 kB. The Cortex-M4F has no double precision, in which the last part of each reading is computed in
 either build."""
 
-#: The other files of the folder, by their paths in it and in the package; `.in` is taken away. They
-#: are named one by one, because an installed package's folders hold more than was put there: pip
-#: adds compiled Python.
+#: The further files, by their paths in the package; without `.in`, also in the written folder. They
+#: are listed because an installed package's folders contain other files too, such as bytecode.
 FILES = (
     "CMakeLists.txt.in",
     "Makefile.in",
@@ -46,7 +45,10 @@ FILES = (
 
 
 def export(sensor: Sensor, about: Provenance) -> dict[Path, str]:
-    """Files of the folder by path. Raises `InputError` for a sensor without a C solver."""
+    """Texts of the folder's files, by path.
+
+    Raises `InputError` for a sensor that the C code does not support.
+    """
     code = write_source(sensor, about)
     paths = {
         Path("facets.h"): code.header,
@@ -91,6 +93,7 @@ def vectors_header(vectors: TestVectors, about: Provenance, real_light: bool) ->
 
 
 def table(name: str, values: np.ndarray) -> str:
+    """Write a constant C array of one or two dimensions.  name: its type and name."""
     size = "".join(f"[{n}]" for n in values.shape)
     rows = [", ".join(map(constant, np.atleast_1d(row).tolist())) for row in values]
     if values.ndim > 1:

@@ -17,16 +17,18 @@ if TYPE_CHECKING:
     from ..core.sensor import Sensor
 
 
-#: Half widths of the states at which a library is compared with a sensor, mm and rad; and the
-#: error, mm or mW, that is allowed for a reading in single precision.
-SPREAD, SAME_READING_MM = np.array([0.1, 0.1, 0.1, 5e-3, 5e-3, 5e-3, 0.1, 0.1]), 2e-4
+#: Half widths of the range of states at which a library is compared with a sensor, mm and rad.
+COMPARISON_RANGE = np.array([0.1, 0.1, 0.1, 5e-3, 5e-3, 5e-3, 0.1, 0.1])
+#: Error of a reading in single precision that such a comparison allows, mm and mW.
+READING_TOLERANCE = 2e-4
 
 
 class FirmwareSolutions(NamedTuple):
     """Poses from the exported solver, NaN where it has not converged.
 
-    state: (n, 8) mm, rad.  power: (n,) mW.  status: (n,).  covariance: (n, 8, 8).  residual: (n,).
-    used: (n, 3) whether each detector was used.
+    state: (n, 8) mm and rad.  power: (n,) mW.  status: (n,) codes of `facets_status` in the header.
+    covariance: (n, 8, 8) of the states.  residual: (n,) in standard deviations.  used: (n, 3)
+    whether each detector was used.
     """
 
     state: Floats
@@ -38,9 +40,9 @@ class FirmwareSolutions(NamedTuple):
 
 
 class FirmwareLibrary:
-    """A shared library of the exported C, in the precision that it was compiled for.
+    """A shared library of the exported C code, in single or double precision.
 
-    path: the library's file. Raises `InputError` if it is not a library of this C code.
+    path: the library's file. Raises `InputError` if this cannot be loaded or is another library.
     """
 
     def __init__(self, path: Path) -> None:
@@ -54,7 +56,7 @@ class FirmwareLibrary:
             ) from None
         self.kind = np.dtype(np.float64 if size == 8 else np.float32)
         int32 = np.dtype(np.int32)
-        #: `facets_options` and `facets_solution` of the header.
+        #: Layouts of the header's structures `facets_options` and `facets_solution`.
         self._options = np.dtype(
             [("mean", self.kind, 3), ("sigma", self.kind, 3), ("max_steps", int32),
              ("covariance", int32), ("accept_unchecked", int32)], align=True,
@@ -66,7 +68,7 @@ class FirmwareLibrary:
         )  # fmt: skip
 
     def readings(self, states: ArrayLike) -> Floats:
-        """Return the readings (n, 9) at states (n, 8), as `facets.readings` does."""
+        """Compute the readings (n, 9), mm and mW, at states (n, 8), as `facets.readings` does."""
         rows = np.ascontiguousarray(as_vectors(states, 8, "states"), self.kind)
         out = np.empty((len(rows), 9), self.kind)
         for state, reading in zip(rows, out, strict=True):
@@ -74,9 +76,9 @@ class FirmwareLibrary:
         return out.astype(float)
 
     def is_of(self, sensor: Sensor) -> bool:
-        """Return whether the library gives the readings of this sensor at a few states."""
-        states = SPREAD * np.random.default_rng(1).uniform(-1, 1, (4, 8))
-        close = np.isclose(self.readings(states), readings(sensor, states), 1e-4, SAME_READING_MM)
+        """Whether the library's readings at a few states are those of this sensor."""
+        states = COMPARISON_RANGE * np.random.default_rng(1).uniform(-1, 1, (4, 8))
+        close = np.isclose(self.readings(states), readings(sensor, states), 1e-4, READING_TOLERANCE)
         return bool(close.all())
 
     def solve(
@@ -113,13 +115,17 @@ class FirmwareLibrary:
         )
 
     def readings_of_counts(self, counts: ArrayLike, dark_counts: ArrayLike, xy_sum: bool) -> Floats:
-        """Convert counts (n, 12) to readings (n, 9).  dark_counts: (12,), without light."""
+        """Convert counts (n, 12) to readings (n, 9), mm and mW.
+
+        dark_counts: (12,) counts without light.  xy_sum: whether counts are X, Y, SUM and a spare
+        number of each detector.
+        """
         rows = np.ascontiguousarray(counts, np.int32)
-        without = np.ascontiguousarray(dark_counts, self.kind)
+        without_light = np.ascontiguousarray(dark_counts, self.kind)
         out = np.empty((len(rows), 9), self.kind)
         for row, reading in zip(rows, out, strict=True):
             self._code.facets_from_counts(
-                pointer(row), pointer(without), int(xy_sum), pointer(reading)
+                pointer(row), pointer(without_light), int(xy_sum), pointer(reading)
             )
         return out.astype(float)
 

@@ -1,4 +1,4 @@
-"""The C function of the readings and their derivatives, from the text of the optics."""
+"""Write the C function of the readings and their derivatives, from the text of the optics."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class ModelText(NamedTuple):
     """The C code of a sensor's model.
 
     statements: body of `facets_linearise`.  ends: body of `spot_ends`, which fills ends[3][5] with
-    the spots' `footprints`.  functions: text of the functions that both call.  operations: count of
-    the numbers that `facets_linearise` computes.
+    the spots' `footprints`.  functions: text of the functions that both call.  operations: number
+    of values that `facets_linearise` computes.
     """
 
     statements: str
@@ -42,9 +42,9 @@ class ModelText(NamedTuple):
 
 
 def model_text(sensor: Sensor) -> ModelText:
-    """Write the statements that fill found[10][10] from x[9]: a state (mm, rad) and the power (mW).
+    """Write the statements that compute found[10][10] from x[9], a state (mm, rad) and power (mW).
 
-    The first row is the nine readings, and each further row the derivatives of one reading.
+    The first row holds the nine readings, each further row the derivatives of one reading by x.
     """
     writer = CWriter()
     vectors = replace_power(geometry_of(sensor), writer.variable("(facets_real)x[8]"))
@@ -72,20 +72,20 @@ def model_text(sensor: Sensor) -> ModelText:
 
 
 def needs_double(sensor: Sensor) -> bool:
-    """Whether the statements are for double precision only."""
+    """Whether the C code of a sensor requires double precision."""
     return sensor.apertures.cut or sensor.light.on
 
 
 def linearise_widely(writer: CWriter, vectors: Geometry) -> list[Any]:
     """The readings of each detector in ideal light, and their derivatives by the state.
 
-    The spots' positions are computed in wide numbers, because single precision would round them by
-    some 50 nm at the detector's distance. The light and the derivatives do not need this.
+    Only the spots' positions are computed in wide numbers, because single precision would round
+    them by some 50 nm at the detector's distance.
     """
     exact = writer.wide_array("x", 8)
-    standing = dark_scene(vectors, exact)
-    at = illuminate(writer.narrow(standing))
-    lit = replace_light(standing, at.integrals, at.moments)
+    unlit = dark_scene(vectors, exact)
+    at = illuminate(writer.narrow(unlit))
+    lit = replace_light(unlit, at.integrals, at.moments)
     turns, axes = edge_turns(vectors, at), writer.narrow(rotation_axes(exact[4], exact[5]))
     detectors = []
     for narrow, wide in zip(mirror_facets(vectors, at), mirror_facets(vectors, lit), strict=True):
@@ -96,15 +96,15 @@ def linearise_widely(writer: CWriter, vectors: Geometry) -> list[Any]:
 
 
 def linearise_exactly(writer: CWriter, vectors: Geometry, text: ExactText) -> list[Any]:
-    """The readings of each detector in real or cut light.
+    """The readings of each detector in real or cut light, with empty derivatives.
 
-    A loop in C stores the derivatives by one component of the state after the other.
+    A C loop over the components of the state computes and stores the derivatives.
     """
     state = writer.array("x", 8)
     at = text.scene(vectors, state)
     with writer.loop(8) as component:
         units = (writer.variable(f"(facets_real)({component} == {c})") for c in range(8))
-        moved = tuple(Dual(number, unit) for number, unit in zip(state, units, strict=True))
-        for row, slope in enumerate(leaves(text.slopes(vectors, moved, at))):
+        varied = tuple(Dual(number, unit) for number, unit in zip(state, units, strict=True))
+        for row, slope in enumerate(leaves(text.slopes(vectors, varied, at))):
             writer.put(f"found[{1 + row}][{component}]", slope)
     return [(values, ((), (), ())) for values in text.readings(vectors, at)]

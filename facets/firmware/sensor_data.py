@@ -1,4 +1,4 @@
-"""A sensor's constants in C, and the check that C code supports the sensor."""
+"""Write a sensor's constants in C, and check that the C code supports the sensor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .c_numbers import number
 
 
 def refuse_sensor(sensor: Sensor) -> None:
-    """Raise `InputError`, with the reason, for a sensor that the C code cannot compute."""
+    """Raise `InputError`, with the reason, for a sensor that the C code does not support."""
     if any(sensor.light.delays):
         raise InputError(
             "the detectors are read at different times (`light.delays`), which the C code does not "
@@ -30,12 +30,12 @@ def refuse_sensor(sensor: Sensor) -> None:
     if has_fold(sensor):
         raise InputError(
             "in this head the determinant of Eq. (11) changes its sign, so that two poses may give "
-            "one reading, which the C code could not tell; see `facets jacobian`"
+            "one reading, which the C code cannot detect; see `facets jacobian`"
         )
 
 
 def sensor_data(sensor: Sensor) -> str:
-    """The constants that the C sources need."""
+    """C definitions of the sensor's constants."""
     limits = make_limits(sensor, False)
     distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
     parts = [
@@ -74,7 +74,7 @@ def noise_data(sensor: Sensor) -> str:
 
 
 def largest_count(bits: int) -> int:
-    """Largest count of a converter that fits the 32 bits of a frame."""
+    """Largest count of a converter with this many bits, limited to the 32 bits of a frame."""
     return int(min(2**bits - 1, 2**31 - 1))
 
 
@@ -126,7 +126,7 @@ def array(name: str, values: np.ndarray, unit: str = "") -> str:
     size = "".join(f"[{n}]" for n in values.shape)
     if values.ndim == 1:
         return f"static const facets_real {name}{size} = {{{row(values)}}};{comment}"
-    lines = [f"    {{{row(each)}}}," for each in values]
+    lines = [f"    {{{row(part)}}}," for part in values]
     return "\n".join([f"static const facets_real {name}{size} = {{{comment}", *lines, "};"])
 
 

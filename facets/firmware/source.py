@@ -1,4 +1,4 @@
-"""The two C files of a sensor: `facets.h` and `facets.c`."""
+"""Write the two C files of a sensor, `facets.h` and `facets.c`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .sensor_data import refuse_sensor, sensor_data
 
 
 class Provenance(NamedTuple):
-    """Origin of a sensor: name and hash of its configuration."""
+    """Origin of the C code: name and hash of the configuration, and the command that wrote it."""
 
     name: str
     hash: str
@@ -22,8 +22,8 @@ class Provenance(NamedTuple):
 class CSource(NamedTuple):
     """The C code of a sensor.
 
-    header, code: the texts of the two files.  operations: count of the numbers that the model
-    computes for the readings and their derivatives.
+    header, code: the texts of the two files.  operations: number of values that the model computes
+    for the readings and their derivatives.
     """
 
     header: str
@@ -36,7 +36,7 @@ def template(name: str) -> str:
 
 
 def fill_template(text: str, about: Provenance) -> str:
-    """Replace the marks of a template by the sensor's constants."""
+    """Replace the marks of a template by the provenance, the version and the licence."""
     marks = {
         "@NAME@": about.name,
         "@HASH@": about.hash,
@@ -82,7 +82,7 @@ ONLY_DOUBLE = """\
 
 
 def write_source(sensor: Sensor, about: Provenance) -> CSource:
-    """Write the C code of a sensor. Raises `InputError` for one that the code cannot compute."""
+    """Write the C code of a sensor; raises `InputError` if the code does not support it."""
     refuse_sensor(sensor)
     model = model_text(sensor)
     head = fill_template(

@@ -1,4 +1,4 @@
-"""Test vectors of the C code: readings with the poses that facets solves from them."""
+"""Test vectors of the C code: readings and the poses that `facets.solve` finds for them."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from ..detectors.noise import add_noise
 from ..estimation.solver import solve
 from ..model.arrays import half_sizes, reaches, readings
 
-#: Number of poses with the beam free and with the beam known, each exact and with noise.
+#: Numbers of poses with the beam free and known; each has a reading without and one with noise.
 FREE, KNOWN = 16, 8
 SEED = 1
 
 
 class TestVectors(NamedTuple):
-    """Readings with the poses that `facets.solve` finds from them.
+    """Readings with the poses that `facets.solve` finds for them.
 
-    reading: (n, 9).  beam_known: (n,) whether the beam's position is known.  status: (n,).  state,
-    uncertainty: (n, 8).
+    reading: (n, 9), mm and mW.  beam_known: (n,) whether the beam's position is known.  status:
+    (n,) codes.  state, uncertainty: (n, 8) mm and rad.
     """
 
     reading: Floats
@@ -56,9 +56,9 @@ def sample_states(sensor: Sensor, count: int, rng: np.random.Generator) -> Float
 
 
 def unsolvable_readings(reading: Floats, half: Floats) -> Floats:
-    """Make readings (6, 9) that cannot be solved, or only with two detectors.
+    """Readings (6, 9) that cannot be solved, or only from two detectors.
 
-    reading: (9,) of a usual pose.  half: (3, 2) half sizes of the detectors, mm.
+    reading: (9,) a solvable reading, mm and mW.  half: (3, 2) half sizes of the detectors, mm.
     """
     rows = np.tile(reading, (6, 1))
     rows[0] = 0.0
@@ -71,7 +71,7 @@ def unsolvable_readings(reading: Floats, half: Floats) -> Floats:
 
 
 def make_vectors(sensor: Sensor) -> TestVectors:
-    """Make the test vectors of a sensor, the same ones each time."""
+    """Make the test vectors of a sensor, which are the same in every run."""
     rng = np.random.default_rng(SEED)
     parts = []
     for count, beam in ((FREE, "free"), (KNOWN, "known")):

@@ -162,7 +162,7 @@ def test_each_of_two_inputs_has_its_response_in_the_form_asked_for(run, tmp_path
         assert (tmp_path / "out" / f"response-{name}.png").exists()
     for more, text in (
         (("--form", "apparent-mass", "--uff", "a.uff"), "give --form receptance, mobility or"),
-        (("--input-dof", "2:tz"), "--input-dof is given 1 times and --input 2 times"),
+        (("--input-dof", "2:tz"), "--input-dof is given once and --input twice"),
         (("--input", "push_n"), "push_n is given twice"),
     ):
         status, _, err = run(*words, *more)
