@@ -325,7 +325,8 @@ def is_off(name: str, value: Any) -> bool:
 
 
 def parameters_of(sensor: dict[str, Any]) -> list[float]:
-    """Compute the 30 parameters from a configuration's keys; mm, rad, mW."""
+    """Compute the 30 parameters from a configuration's keys; mm, rad, mW. Raises `KeyError`,
+    `TypeError` or `ValueError` if a key is missing or no number."""
     beam, mirror, psd = sensor["beam"], sensor["mirror"], sensor["psd"]
     wide = beam["diameter_mm"]
     x, y = wide if isinstance(wide, list) else (wide, wide)

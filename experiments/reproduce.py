@@ -73,7 +73,8 @@ class ExperimentResult:
 
 
 def select_experiments(names: list[str]) -> list[str]:
-    """Select experiments by name, in order; all of them for no name or `all`."""
+    """Select experiments by name, in order; all of them for no name or `all`. Raises `InputError`
+    for an unknown name."""
     unknown = [name for name in names if name not in (*EXPERIMENTS, "all")]
     if unknown:
         raise InputError(

@@ -143,7 +143,7 @@ def describe_direction(direction: Floats, choice: Choice) -> str:
 
 
 def patterns(sensor: Sensor) -> dict[str, Floats]:
-    """Changes of `ALL` by their names, mm and rad."""
+    """Changes (ALL,) of `ALL` by their names, mm and rad."""
     named = {}
 
     def add(words: str, parts: dict[str, float]) -> None:

@@ -198,7 +198,8 @@ def find_reference_dwells(columns: dict[str, Floats], reference: Sequence[float]
 
 
 def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
-    """Times and temperatures of the samples (n, 3), see `Data.clock`."""
+    """Times and temperatures of the samples (n, 3), see `Data.clock`; None for a table without
+    both."""
     if not any(name in columns for name in ("time_s", TEMPERATURE_COLUMN)):
         return None
     out = np.zeros((int(good.sum()), len(CLOCKS)))
@@ -279,7 +280,8 @@ def time_derivatives(time: Floats, pose: Floats) -> tuple[Floats, Floats] | tupl
 
 
 def choice(sensor: Sensor, settings: Calibrate) -> Choice:
-    """The unknowns of every fit and their priors, from the keys of `calibrate.before`."""
+    """The unknowns of every fit and their priors, from the keys of `calibrate.before`. Raises
+    `InputError` if all of them are null."""
     before = settings.before
     sigma: dict[str, float] = {}
     diameter = before.get("beam_diameter_percent", 0) / 100

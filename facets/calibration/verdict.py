@@ -296,8 +296,11 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
 def first_fit(
     sensor: Sensor, screened: Screened, chosen: Choice, settings: Calibrate
 ) -> tuple[Plain, Explanation | None, list[Cause]]:
-    """The plain fit; if no light explains its residuals, to samples without a fault of the table or
-    without large causes."""
+    """The plain fit, the fault of the table that was undone before it (None if none was), and the
+    large causes.
+
+    A fault or causes are undone only if no light explains the residuals of a first plain fit.
+    """
     plain = plain_fit(sensor, screened, chosen, settings)
     if plain.promising or not plain.hopeless:
         return plain, None, []

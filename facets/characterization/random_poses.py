@@ -23,7 +23,8 @@ CANDIDATES = 4000
 
 
 def poses_to_calibrate_with(settings: Config) -> Floats:
-    """Random poses (n, 6) within half the range of z and the angles, mm and rad."""
+    """Random poses (n, 6) within half the range of z and the angles, mm and rad. Raises
+    `InputError` if none has light on all detectors."""
     sensor, beam = settings.sensor, settings.sensor.beam
     reach = np.array([a.symmetric / 2 for a in axis_ranges(sensor, settings.range, np.zeros(6))])
     reach[:2] = np.maximum(reach[:2], REACH_DIAMETERS * min(beam.diameter_x, beam.diameter_y))

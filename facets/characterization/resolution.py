@@ -252,6 +252,7 @@ FIRST_STEP, LAST_STEP = 0.25, 1e-4
 
 def worst_states(sensor: Sensor, rules: Rules, how: Estimator, halves: Floats) -> Floats:
     """States (6, 8) in which each axis has its largest uncertainty, by a search from many places.
+    Raises `InputError` if no pose can be solved.
 
     halves: (6, 6) for each axis half the sides of the box about rest that is searched.
     """

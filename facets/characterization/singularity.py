@@ -120,7 +120,8 @@ OFFSETS, LEVELS = 120, 160
 def samples(
     domain: StateBox, count: int, sampling: Literal["sobol", "uniform"], seed: int
 ) -> Iterator[Floats]:
-    """States of the box (n, 8), chunk by chunk."""
+    """States of the box (n, 8), mm and rad, chunk by chunk. Raises `InputError` for an impossible
+    count or sampling."""
     if not 1 <= count <= MAX_STATES:
         raise InputError(f"states are {count}; allowed: 1 to {MAX_STATES:,}")
     if sampling not in ("sobol", "uniform"):
@@ -136,7 +137,8 @@ def survey(
     sensor: Sensor,
     chunks: Iterator[Floats],
 ) -> Survey:
-    """Measure all states, chunk by chunk of states (n, 8)."""
+    """Measure all states, chunk by chunk of states (n, 8). Raises `InputError` if none of them has
+    light on all detectors."""
     result: Survey | None = None
     for states in chunks:
         values = measures(sensor, states)

@@ -87,8 +87,8 @@ def least_share(sensor: Sensor, rules: Rules, power_off: float = 0.0) -> float:
 
 
 def parse_box(text: str) -> StateBox:
-    """Parse 'tx_mm=1,yaw_mrad=-2:5': half widths about zero or both ends; other axes have no
-    width."""
+    """Parse 'tx_mm=1,yaw_mrad=-2:5': half widths about zero or both ends; other axes have no width.
+    Raises `InputError` for a malformed text."""
     low, high = np.zeros(8), np.zeros(8)
     for name, value in assignments(text, "--box", COLUMNS, BOX_FORM).items():
         number = COLUMNS.index(name)

@@ -350,7 +350,7 @@ def resolve_object(config: Config) -> Config:
 
 def open_bench(port: str, config: Config, options: RunOptions) -> BenchInProcess | None:
     """Make the virtual bench that a port names, None for another port; no stage but that of the
-    bench may then move."""
+    bench may then move. Raises `InputError` if a port of a stage is given, too."""
     if not port.startswith(VIRTUAL):
         return None
     if options.stage_port:

@@ -167,7 +167,7 @@ class Playback:
         return chain(held, rest)
 
     def write_table(self, path: Path, poses: Iterable[RunPoses], about: dict[str, str]) -> None:
-        """Write the table of poses."""
+        """Write the table of poses. Raises `InputError` if there are none."""
         parts = poses if path == STANDARD_STREAM else gather_poses(poses)
         with tables.open_writer(path, about) as writer:
             for part in parts:

@@ -237,7 +237,8 @@ def state_slopes(sensor: Sensor, states: Floats) -> Floats:
 
 
 def as_vectors(values: ArrayLike, width: int, what: str) -> Floats:
-    """Convert numbers to an (..., width) array; columns with names are found by these."""
+    """Convert numbers to an (..., width) array; columns with names are found by these. Raises
+    `InputError` for another shape."""
     array = as_floats(values, what, width)
     if array.shape[-1:] != (width,):
         raise InputError(f"{what} has shape {array.shape}; needed: (..., {width})")

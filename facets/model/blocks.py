@@ -170,7 +170,7 @@ def run(name: str, vectors: Floats, states: Floats, out: Floats) -> None:
 
 
 def address_of(array: Any) -> int:
-    """The address of the numbers of a contiguous array."""
+    """The address of the numbers of a contiguous array. Raises `ValueError` for any other."""
     if not array.flags.c_contiguous:
         raise ValueError("compiled code takes only contiguous arrays")
     return array.__array_interface__["data"][0]  # type: ignore[no-any-return]

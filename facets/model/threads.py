@@ -69,7 +69,8 @@ def cores() -> int:
 
 
 def share(run: Callable[[slice], Any], rows: int, threads: int) -> None:
-    """Call `run` with slices that cover all rows, `threads` of them at once; 0 means all cores."""
+    """Call `run` with slices that cover all rows, `threads` of them at once; 0 means all cores.
+    Raises `InputError` for a negative number."""
     if threads < 0:
         raise InputError(f"threads is {threads}; allowed: 1 or more, or 0 for all cores")
     count = 1

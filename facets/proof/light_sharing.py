@@ -204,7 +204,7 @@ def least_share_over(edges: FacetEdges, q: Intervals, depth: int = 0) -> float:
 
 
 def hull_of_bounds(pieces: list[SharingBounds]) -> SharingBounds:
-    """Return the hull of the bounds of several boxes."""
+    """Return the hull of the bounds of several boxes. Raises `LightNotShared` if there are none."""
     if not pieces:
         raise LightNotShared
     return SharingBounds(*map(hull_of_arrays, zip(*pieces, strict=True)))

@@ -32,7 +32,8 @@ def proved_piece(low: Floats, high: Floats, at_least: float) -> ProvedPiece:
 
 
 def initial_pieces(box: StateBox) -> Iterator[tuple[Floats, Floats]]:
-    """Divide the box into its initial pieces; neighbours share their edge to the last digit."""
+    """Divide the box into its initial pieces, low and high (6,); neighbours share their edge to the
+    last digit."""
     counts = [n if box.high[i] > box.low[i] else 1 for i, n in enumerate(INITIAL_COUNTS)]
     places = [np.linspace(box.low[i], box.high[i], n + 1) for i, n in enumerate(counts)]
     for cell in product(*(range(n) for n in counts)):

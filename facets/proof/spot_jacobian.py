@@ -81,7 +81,8 @@ class SubBeam(NamedTuple):
 
 
 def sub_beam(geometry: Geometry, at: Scene, k: int, from_point: Sequence[Interval]) -> SubBeam:
-    """The ray that meets facet k `from_point` (2,) off the apex, in sigmas across the beam."""
+    """The ray that meets facet k `from_point` (2,) off the apex, in sigmas across the beam. Raises
+    `NotFacing` if a facet or a detector may face away."""
     normal, beam = at.normals[k], geometry.direction
     incidence = dot(beam, normal)
     leaving = reflect(beam, normal)

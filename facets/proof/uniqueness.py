@@ -270,7 +270,10 @@ def halves_of(
 def examine_piece(
     geometry: Geometry, shares: SharingBounds, slope: float, low: Floats, high: Floats
 ) -> tuple[Centred | None, float]:
-    """The Jacobian over a piece and a lower bound of Eq. (11)'s |det|; 0 if none is found."""
+    """The Jacobian over a piece and a lower bound of Eq. (11)'s |det|, which is 0 if none is found.
+
+    The Jacobian is None, too, if a facet or a detector may face away.
+    """
     try:
         jacobian = centred_jacobian(geometry, shares, low, high)
     except NotFacing:

@@ -69,7 +69,8 @@ def check_parts(driver: Driver) -> None:
 
 
 def check_place(driver: Driver, limits: Limits) -> Floats:
-    """Check that a place is two finite numbers, which are the same again while nothing moves."""
+    """Check that a place is two finite numbers, which are the same again while nothing moves;
+    returns it."""
     first, second = driver.place(), driver.place()
     for place in (first, second):
         assert isinstance(place, np.ndarray), "place() gives no array"

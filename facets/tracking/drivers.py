@@ -99,7 +99,8 @@ def driver_of(name: str) -> EntryPoint:
 
 
 def open_by_package(driver: EntryPoint, name: str, settings: Settings) -> Driver:
-    """Open the driver of another package; errors other than those of facets name the driver."""
+    """Open the driver of another package. Errors other than those of facets, and an object without
+    all methods, become a `StageError` that names the driver."""
     try:
         opened: Driver = driver.load()(name, settings)
     except FacetsError:

@@ -67,7 +67,8 @@ class Pi(NativeLimits):
         return np.array([self.read_limit(name) for name in LIMITS])
 
     def read_limit(self, name: str) -> Floats:
-        """A limit of both axes (2,) by its name; NaN where the controller does not have it."""
+        """A limit of both axes (2,) by its name; NaN if the controller does not have it. Raises
+        `StageError` for a missing speed, or a missing limit that `stage.native_limits` needs."""
         self.line.write(f"{name}? 1 2\nERR?\n".encode())
         lines = self.read_answers()
         if "=" in lines[0]:

@@ -48,7 +48,8 @@ class Zaber(NativeLimits):
         return f"{self.number:02d}"
 
     def receive(self, number: str, command: str, patience: float = PATIENCE_S) -> list[str]:
-        """The data of the answer to a command; alerts and late answers are discarded."""
+        """The data of the answer to a command; alerts and late answers are discarded. Raises
+        `StageError` if no answer comes within `patience`, s, or the device refuses."""
         until = self.line.clock() + patience
         while self.line.clock() <= until:
             reply = self.line.read_line(patience)
@@ -80,7 +81,8 @@ class Zaber(NativeLimits):
         return self.receive(self.send(command), command, patience)
 
     def query_numbers(self, command: str) -> Floats:
-        """Query one number for each of the two axes: (2,), in the device's units."""
+        """Query one number for each of the two axes: (2,), in the device's units. Raises
+        `StageError` for another answer."""
         data = self.ask(command)
         try:
             values = np.array([float(word) for word in data])

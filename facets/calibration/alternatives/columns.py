@@ -107,7 +107,7 @@ def unknown_columns(remainder: Residuals, names: tuple[str, ...]) -> Floats:
 
 
 def facet_columns(remainder: Residuals, letters: Iterable[str] = DETECTORS) -> Floats:
-    """Inclination and azimuth, rad, of each of some facets: two columns per letter."""
+    """Inclination and azimuth, rad, of each of some facets: two columns per letter, (n, 9, q)."""
     angles = ("inclination", "azimuth")
     return unknown_columns(
         remainder, tuple(f"facet_{k}.{angle}" for k in letters for angle in angles)

@@ -612,8 +612,8 @@ def fit_steady_laser(sensor: Sensor, data: Data, result: Fit, robust: float | No
 
 
 def add_slow_drift(data: Data, result: Fit) -> Fit:
-    """Convert a fit with one power for each sample to one with a slow drift, without fitting
-    again."""
+    """Convert a fit with one power for each sample to one with a slow drift, without fitting again.
+    Raises `InputError` if the mean power would not be positive."""
     assert data.slow is not None
     rows = np.column_stack([np.ones(len(data.slow)), data.slow])
     ways, residual, jitter = robust_drift(rows, result.own_values[:, 6])

@@ -256,7 +256,8 @@ def acquire(
     show: called after each batch.  complaints: returns the faults of the finished run, which are
     recorded. In every case the stage stops, the reading ends, and the received samples are solved
     as far as there is time. Then the sinks are closed, the first one last, even if a step before
-    fails. An error of the stage stops the stage and nothing else; see `Live.stage_stop`.
+    fails. An error of the stage stops the stage and nothing else; see `Live.stage_stop`. An error
+    of the reader is raised at the end.
     """
     loop = Loop(live, reader, show)
     with deferring() as signals, ExitStack() as closing:

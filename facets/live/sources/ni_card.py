@@ -110,7 +110,8 @@ class Card(ClosedAtExit):
         self.made = 0
 
     def read(self) -> bytes:
-        """Return the frames that the card has sampled since the last call."""
+        """Return the frames that the card has sampled since the last call; empty if there are none.
+        Raises `PortError` if the card does not answer or has lost samples."""
         try:
             count = int(self.task.in_stream.avail_samp_per_chan)
             if not count:

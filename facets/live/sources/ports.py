@@ -313,7 +313,8 @@ def source_of(name: str) -> EntryPoint | None:
 
 
 def open_by_package(source: EntryPoint, name: str, baud: int) -> Source:
-    """Open a port of another package, which errors other than those of facets name."""
+    """Open a port of another package. Errors other than those of facets become a `PortError` that
+    names the package; `PortInUse` if it returns no port."""
     try:
         port: Source = source.load()(name, baud)
     except FacetsError:

@@ -50,7 +50,8 @@ class Heads(ClosedAtExit):
         self.made, self.due = 0, time.monotonic()
 
     def read(self) -> bytes:
-        """Wait until a sample is due, and return its frame."""
+        """Wait until a sample is due, and return its frame. Raises `PortError` if a head does not
+        answer."""
         time.sleep(max(0.0, self.due - time.monotonic()))
         begin = time.monotonic()
         self.due = max(self.due + self.period, begin)

@@ -129,7 +129,8 @@ class PoseSensor(
 
     @AsyncStatus.wrap
     async def trigger(self) -> None:
-        """Wait for the first sample that is taken from now on; of a file, for the next one."""
+        """Wait for the first sample that is taken from now on; of a file, for the next one. Raises
+        `FacetsError` during a flight, or if no sample will come."""
         if self._flying:
             raise FacetsError(f"{self.name}: is flying; complete the flight before a trigger")
         stream = await self._open()
@@ -184,14 +185,15 @@ class PoseSensor(
 
     @AsyncStatus.wrap
     async def prepare(self, value: Interval) -> None:
-        """Set the length of the next flight."""
+        """Set the length of the next flight. Raises `InputError` if it is not above zero."""
         if (value.samples or 1) <= 0 or (value.seconds or 1) <= 0:
             raise InputError(f"{self.name}: {value}: needed is a time above zero")
         self._interval = value
 
     @AsyncStatus.wrap
     async def kickoff(self) -> None:
-        """Keep the samples that are taken from now on; of a file, the remaining ones."""
+        """Keep the samples that are taken from now on; of a file, the remaining ones. Raises
+        `FacetsError` if the device flies already."""
         if self._flying:
             raise FacetsError(f"{self.name}: flies already")
         stream = await self._open()

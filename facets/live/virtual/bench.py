@@ -84,7 +84,8 @@ class Bench:
         self.last = 0.0
 
     def open_lines(self, has_truth: bool) -> Pty | Wire:
-        """Open the stage's line and the files in the folder; return the board's line."""
+        """Open the stage's line and the files in the folder; return the board's line. Raises
+        `OutputError` if the folder cannot be written in."""
         folder = self.folder
         try:
             folder.mkdir(parents=True, exist_ok=True)

@@ -303,7 +303,7 @@ class Board:
         return fate
 
     def spoil(self, data: bytes, count: int) -> tuple[bytes | bytearray, NDArray[np.int64]]:
-        """The bytes with their faults, and the numbers of the samples that have one."""
+        """The bytes with their faults, and the numbers (m,) of the samples that have one."""
         faults = self.schedule.faults
         chances = np.array([faults.flip, faults.lose, faults.double])
         if count == 0 or not chances.any():

@@ -67,7 +67,8 @@ class Faults:
 
     @classmethod
     def from_words(cls, words: dict[str, str], option: str = "--faults") -> Faults:
-        """The faults with numbers in text.  option: where they were given, for messages."""
+        """The faults with numbers in text.  option: where they were given, for messages. Raises
+        `InputError` for an unknown or impossible one."""
         chances = {}
         for name, value in words.items():
             try:
