@@ -1,4 +1,4 @@
-"""Columns of tables in any format: their names, their units, and pieces of them."""
+"""Columns of tables in any format: their names, units, times and covariances."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ..core.plain_numbers import suggest_name
 from ..core.units import KEY_UNITS, Booleans, Floats, Integers, unit_in
 
 Columns = Mapping[str, Any]
-#: The entry of a table's head that holds the whole configuration as JSON, whose SHA-256 the entry
-#: `config_sha256` is. Comment lines of CSV leave it out.
+#: Key of a table's head for the complete configuration as JSON, of which `config_sha256` is the
+#: checksum. The comment lines of CSV omit it.
 CONFIGURATION = "configuration"
 TIME_HINT = "; give seconds, or leave the column out"
 NUMBER_HINT = "; give numbers"
@@ -25,11 +25,11 @@ NUMBER_HINT = "; give numbers"
 
 @dataclass(frozen=True)
 class Chunk:
-    """Some rows of a table.
+    """Successive rows (n,) of a table.
 
-    columns: by name, float, NaN where a cell is empty or holds NaN.  lines: line numbers in the
-    file, from 1; row numbers in formats other than CSV.  unparsable: whether a row is not numbers;
-    its columns are NaN.  bytes_read: bytes of the file read so far.
+    columns: by name, (n,) floats, NaN where a cell is empty or holds NaN.  lines: (n,) line numbers
+    in the file, from 1; row numbers in formats other than CSV.  unparsable: (n,) whether a row is
+    malformed; its columns are NaN.  bytes_read: number of bytes of the file read so far.
     """
 
     columns: dict[str, Floats]
@@ -41,17 +41,19 @@ class Chunk:
 def row_chunks(
     count: int, rows: int, size: int, read: Callable[[slice], Mapping[str, Any]]
 ) -> Iterator[Chunk]:
-    """Yield `count` rows in pieces.  size: of the file, bytes.  read: gives some rows of columns of
-    numbers."""
+    """Yield a table of `count` rows in chunks of `rows`.
+
+    size: of the file, bytes.  read: returns columns of numbers for a slice of rows.
+    """
     for start in range(0, count, rows):
         part = slice(start, min(start + rows, count))
-        columns = {name: np.asarray(each, np.float64) for name, each in read(part).items()}
+        columns = {name: np.asarray(values, np.float64) for name, values in read(part).items()}
         lines = np.arange(part.start, part.stop) + 1
         yield Chunk(columns, lines, np.zeros(len(lines), dtype=bool), size * part.stop // count)
 
 
 class MissingColumnsError(InputError):
-    """Error for a table that lacks the columns `names`."""
+    """Error for a table without needed columns.  names: of the missing columns."""
 
     def __init__(self, text: str, names: Sequence[str]) -> None:
         super().__init__(text)
@@ -59,7 +61,7 @@ class MissingColumnsError(InputError):
 
 
 def join_columns(parts: Sequence[Columns]) -> dict[str, Any]:
-    """Join tables of the same columns, one after the other."""
+    """Concatenate the rows of tables with the same columns."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
@@ -79,7 +81,7 @@ def columns_to_read(
 
 
 def refuse_text(source: object, name: str, kind: object) -> InputError:
-    """The error for a column that holds no numbers."""
+    """Make the error for a column that holds no numbers.  kind: of its values."""
     hint = TIME_HINT if name == "time_s" else NUMBER_HINT
     return InputError(f"{source}: column {name} holds {kind}, not numbers{hint}")
 
@@ -89,7 +91,7 @@ PRODUCT_UNITS = {"_mm2": "mm^2", "_mm_mrad": "mm mrad", "_mrad2": "mrad^2", "": 
 
 
 def unit_of_column(name: str) -> str:
-    """The unit at the end of a column's name, in its usual spelling, or an empty text."""
+    """The unit at the end of a column's name, in its usual spelling; "" if there is none."""
     if name.startswith("cov_"):
         return next(label for ending, label in PRODUCT_UNITS.items() if name.endswith(ending))
     ending = unit_in(name)
@@ -97,7 +99,7 @@ def unit_of_column(name: str) -> str:
 
 
 def units_of(names: Iterable[str], about: Mapping[str, Any]) -> dict[str, str]:
-    """The units of columns that have one.
+    """The units of columns, by name; without the columns that have none.
 
     An entry "unit of NAME" of `about` takes precedence over the unit at the end of a column's name.
     """
@@ -105,34 +107,33 @@ def units_of(names: Iterable[str], about: Mapping[str, Any]) -> dict[str, str]:
     return {name: unit for name, unit in units.items() if unit}
 
 
-#: Columns of times, the first of which counts, with one unit of each, s; a table of a recording has
-#: the board's.
+#: Columns of times, by precedence, with their units, s; a recording's table has the board's clock.
 TIMES = {"time_s": 1.0, "board_us": 1e-6}
-#: Columns of times, which are no signals, in tables and recordings.
+#: Columns that are times, not signals, in tables and recordings.
 TIME_COLUMNS = (*TIMES, "host_s", "utc_s")
-#: Fraction of a table's rows, the newest, by which the clocks are compared, and the number of steps
-#: whose median ratio counts.
+#: Two clocks are compared by this fraction of a table's rows, the last ones, and by the median
+#: ratio over this many steps.
 NEWEST_FRACTION, CLOCK_STEPS = 0.1, 20
 
 
 def clock_rate(columns: Columns) -> float:
-    """Fraction of the host's time (host_s) by which the board's clock (board_us) is slow; 0 for an
-    unknown difference, or one that a quartz explains."""
+    """Relative deviation of the board's clock (board_us) from the host's (host_s); positive if the
+    board's is slow, 0 if it is unknown or within the tolerance of a quartz."""
     if not {"board_us", "host_s"} <= columns.keys():
         return 0.0
     count = max(2, int(NEWEST_FRACTION * len(columns["host_s"])))
     steps = slice(-count, None, max(1, count // CLOCK_STEPS))
-    counted, passed = (np.diff(columns[name][steps]) for name in ("board_us", "host_s"))
-    pace = 1e-6 * counted[passed > 0] / passed[passed > 0]
-    rate = 1.0 - float(np.median(pace)) if len(pace) else 0.0
+    board, host = (np.diff(columns[name][steps]) for name in ("board_us", "host_s"))
+    ratios = 1e-6 * board[host > 0] / host[host > 0]
+    rate = 1.0 - float(np.median(ratios)) if len(ratios) else 0.0
     return rate if abs(rate) > LARGEST_RATE else 0.0
 
 
 def row_times(columns: Columns) -> Floats:
-    """The times of rows (n,), s, by the first column of `TIMES` that is there.
+    """Times of rows (n,), s, from the first existing column of `TIMES`.
 
-    Times of a board's clock that contradicts the host's are scaled to the latter. Raises
-    `InputError` for a board's clock that does not run.
+    Times of a board's clock that contradicts the host's clock are scaled to the latter. Raises
+    `InputError` if the board's clock does not run.
     """
     name = next(name for name in TIMES if name in columns)
     time: Floats = TIMES[name] * np.asarray(columns[name], float)
@@ -156,8 +157,8 @@ def axis_of(names: Iterable[str]) -> str:
 
 
 def covariance_places(names: Iterable[str]) -> dict[str, tuple[str, int, int]]:
-    """The name of the covariance, such as cov_object, and the place in it for each column of a
-    covariance of which there are all 21."""
+    """Elements of complete covariances, which have all 21 columns, by column: the name of the
+    covariance, such as cov_object, and the element's row and column in it."""
     first, places = "tx_tx_mm2", dict[str, tuple[str, int, int]]()
     prefixes = [n[4 : -len(first)] for n in names if n.startswith("cov_") and n.endswith(first)]
     for prefix in prefixes:
@@ -169,7 +170,7 @@ def covariance_places(names: Iterable[str]) -> dict[str, tuple[str, int, int]]:
 
 
 def pack_covariances(columns: Columns) -> dict[str, Any]:
-    """The columns with covariances (n, 6, 6) in the place of their 21 columns; mm and mrad."""
+    """Replace the 21 columns of each covariance by one of matrices (n, 6, 6), mm and mrad."""
     packed = dict[str, Any]()
     places = covariance_places(columns)
     for name, values in columns.items():

@@ -1,4 +1,4 @@
-"""Check by a file's format that it is complete: some libraries do not notice a full disk."""
+"""Check that a written file is complete, because some libraries do not notice a full disk."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..core.extras import require_extra
 
-#: Last bytes of complete files by kind; blanks after them do not count.
+#: Last bytes of complete files by suffix; whitespace may follow.
 ENDS = {
     ".png": b"IEND\xaeB`\x82",
     ".svg": b"</svg>",
@@ -20,14 +20,14 @@ ENDS = {
 
 
 def require_complete(path: Path) -> None:
-    """Raise `OSError` if a picture, film, page or table, by the file's suffix, is cut off."""
+    """Raise `OSError` if a file is truncated; suffixes without a check count as complete."""
     kind = path.suffix.lower()
     if kind in ENDS:
-        is_complete = tail_of(path).rstrip().endswith(ENDS[kind])
+        is_complete = last_bytes(path).rstrip().endswith(ENDS[kind])
     elif kind == ".gltf":
         is_complete = is_json(path)
     elif kind == ".mp4":
-        is_complete = has_whole_boxes(path)
+        is_complete = has_complete_boxes(path)
     elif kind == ".h5":
         is_complete = is_hdf5(path)
     else:
@@ -36,7 +36,7 @@ def require_complete(path: Path) -> None:
         raise OSError(errno.ENOSPC, "it was cut off; is the disk full?")
 
 
-def tail_of(path: Path, size: int = 64) -> bytes:
+def last_bytes(path: Path, size: int = 64) -> bytes:
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - size))
         return file.read()
@@ -51,7 +51,7 @@ def is_json(path: Path) -> bool:
 
 
 def is_hdf5(path: Path) -> bool:
-    """Return whether HDF5 opens a file, which it does not where the file's end is missing."""
+    """Whether HDF5 can open a file, which it cannot if the file's end is missing."""
     try:
         require_extra("h5py", str(path)).File(path, "r", locking=False).close()
     except OSError:
@@ -59,8 +59,8 @@ def is_hdf5(path: Path) -> bool:
     return True
 
 
-def has_whole_boxes(path: Path) -> bool:
-    """Return whether the boxes of an MP4 (ISO/IEC 14496-12) fill the file and include `moov`."""
+def has_complete_boxes(path: Path) -> bool:
+    """Whether the boxes of an MP4 (ISO/IEC 14496-12) fill the file exactly and include `moov`."""
     size, place, names = path.stat().st_size, 0, set()
     with path.open("rb") as file:
         while place + 8 <= size:

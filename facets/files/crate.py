@@ -1,8 +1,8 @@
-"""`ro-crate-metadata.json`: what a folder of results holds, for archives and other programs.
+"""Write `ro-crate-metadata.json`, which describes a folder of results to other programs.
 
-RO-Crate 1.1 (https://w3id.org/ro/crate/1.1), which is JSON-LD by schema.org: the folder as a
+RO-Crate 1.1 (https://w3id.org/ro/crate/1.1) is JSON-LD by schema.org. It describes the folder as a
 Dataset, its files with size, type and SHA-256, each column with its unit, and the run that made
-them. Whoever publishes the folder adds a license and authors.
+them. Before publication, the user adds a license and authors.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ NAME = "ro-crate-metadata.json"
 PROFILE = "https://w3id.org/ro/crate/1.1"
 #: Identifier of the entity that marks a crate written by this program.
 PROGRAM = "#facets"
-#: Units that are spelt as their code of UCUM, which RO-Crates use for `unitCode`.
+#: Units whose spelling is also their code in UCUM, which RO-Crates use for `unitCode`.
 UCUM = ("mm", "mrad", "mW", "um", "urad", "s", "us")
 
 
 def write_crate(folder: Path, files: Sequence[Path], about: dict[str, str], seconds: float) -> None:
     """Write the description of a folder's existing files.
 
-    about: as in the head of a table.  seconds: duration of the run. A description that another
-    program wrote into the folder is not changed.
+    about: provenance, as in the head of a table.  seconds: duration of the run. A description that
+    another program wrote remains unchanged.
     """
     path = folder / NAME
     if path.exists() and f'"{PROGRAM}"'.encode() not in path.read_bytes():
@@ -40,7 +40,7 @@ def write_crate(folder: Path, files: Sequence[Path], about: dict[str, str], seco
 
 
 def crate(files: Sequence[Path], about: dict[str, str], seconds: float) -> dict[str, Any]:
-    """Describe files in one folder."""
+    """The description of files in one folder, as a JSON object; see `write_crate`."""
     parts = [file_entity(file) for file in files]
     columns = [column for file in files for column in column_entities(file)]
     results = [{"@id": part["@id"]} for part in parts]
@@ -91,7 +91,7 @@ def file_entity(file: Path) -> dict[str, Any]:
 
 
 def column_entities(file: Path) -> list[dict[str, Any]]:
-    """Columns of a table that have a unit; none for files that are not tables."""
+    """Entities of a table's columns that have a unit; none for files that are not tables."""
     columns = []
     for name in column_names(readable_path(file)):
         if unit := unit_of_column(name):

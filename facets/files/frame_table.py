@@ -1,4 +1,4 @@
-"""Tables as data frames of pandas: read like a file, and made for users."""
+"""Tables as pandas data frames: read like files, and made for users."""
 
 from __future__ import annotations
 
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame, Series
     from xarray import Dataset
 
-#: Largest deviation of times from those of one sampling rate, in steps; a board counts whole
-#: microseconds.
+#: Largest deviation of times from equal spacing, in steps; a board counts integer microseconds.
 LARGEST_JITTER = 0.1
 #: Kinds that pandas infers for columns of numbers.
 NUMBERS = ("integer", "floating", "mixed-integer-float", "decimal", "boolean")
@@ -43,16 +42,13 @@ NUMBERS = ("integer", "floating", "mixed-integer-float", "decimal", "boolean")
 
 @dataclass(frozen=True)
 class FrameTable:
-    """A data frame that is read like a table in a file.
-
-    The levels of its index that have a name are columns, too.
-    """
+    """A data frame that is read like a table in a file; named levels of its index are columns."""
 
     source: DataFrame
 
     @cached_property
     def frame(self) -> DataFrame:
-        """The data frame with these columns."""
+        """The data frame with the named levels of its index as columns."""
         other = (None, ROW, *self.source.columns)
         return self.source.reset_index(
             [name for name in self.source.index.names if name not in other]
@@ -74,8 +70,10 @@ def read_chunks(
 
 
 def numbers_of(table: FrameTable, name: str) -> Floats:
-    """A column as floats, NaN where it has no value; raises `InputError` for other values, dates
-    and durations among them, whose integers count an unstated unit."""
+    """A column as floats (n,), NaN where it has no value.
+
+    Raises `InputError` for text, and for dates and durations, whose numbers have no stated unit.
+    """
     values = table.frame[name]
     try:
         if not infer_kind(values).startswith(("datetime", "timedelta")):
@@ -86,16 +84,16 @@ def numbers_of(table: FrameTable, name: str) -> Floats:
 
 
 def infer_kind(values: Series[Any]) -> str:
-    """Kind of a column's values in the words of pandas, such as "floating"."""
+    """Kind of a column's values as pandas names it, such as "floating"."""
     from pandas.api.types import infer_dtype
 
     return infer_dtype(values, skipna=True)
 
 
 def columns_of(frame: DataFrame) -> dict[str, Any]:
-    """The columns of a data frame by their names in text.
+    """The columns of a data frame, by name as text.
 
-    Raises `InputError` if two have the same name.
+    Raises `InputError` if two columns have the same name.
     """
     table = FrameTable(frame)
     columns_to_read(table, column_names(table), (), ())
@@ -111,7 +109,7 @@ def read_columns(table: FrameTable, names: Sequence[str]) -> dict[str, Any]:
 
 
 def units_in(table: DataFrame) -> dict[str, str]:
-    """The units of a data frame's columns: those in its `attrs`, or by the columns' names."""
+    """The units of a data frame's columns, from its `attrs` or else from the columns' names."""
     units = {f"unit of {name}": unit for name, unit in table.attrs.get("units", {}).items()}
     return units_of(columns_of(table), units)
 
@@ -119,9 +117,9 @@ def units_in(table: DataFrame) -> dict[str, str]:
 def make_frame(
     columns: Columns, about: Mapping[str, Any] | None = None, index: Any = None
 ) -> DataFrame:
-    """A data frame of columns, with their units and the provenance in `attrs`.
+    """Make a data frame of columns, with their units and the provenance in `attrs`.
 
-    index: of the frame whose rows they belong to; None for numbers from 0.
+    about: the provenance.  index: of the data frame; None: row numbers from 0.
     """
     import pandas as pd
 

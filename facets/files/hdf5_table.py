@@ -7,8 +7,8 @@
                           that NeXus gives it, NAME_errors. Covariances are datasets (n, 6, 6)
     /entry/channels       an NXlog for each auxiliary channel: `value` and `time`
 
-The first dimension of all datasets is that of the times, or else of the numbers of rows, which is
-a dimension scale, so that netCDF-4 readers find it.
+The first dimension of all datasets is a dimension scale, which netCDF-4 readers find: the times or,
+without times, the numbers of the rows.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ from .whole import free_space
 SIGNATURE = b"\x89HDF"
 KIND = "an HDF5 table"
 DATA = "entry/data"
-#: The attribute of the group `DATA` that has the names of the columns.
+#: Attribute of the group `DATA` with the names of the columns.
 COLUMNS = "columns"
-#: Attributes of NXentry that are no provenance.
+#: Attributes of NXentry that are not provenance.
 NEXUS = ("NX_class", "default")
-#: Memory in which the library holds the end of each dataset before it writes it, bytes.
+#: Size of the library's buffer for the unwritten end of each dataset, bytes.
 CACHE_BYTES = 2**20
-#: Numbers in a chunk of a dataset, which is compressed and read as a whole.
+#: Count of numbers in a chunk of a dataset, which is compressed and read at once.
 CHUNK_NUMBERS = 25_000
-#: A row of bytes whose first bytes, this many, cannot be compressed is stored as it is.
+#: A row of bytes is stored uncompressed if its first bytes, this many, cannot be compressed.
 SAMPLE_BYTES = 256
 
 
@@ -94,7 +94,7 @@ def read_chunks(
 
 
 def columns_in(group: Any, names: Sequence[str], part: slice) -> dict[str, Any]:
-    """Some rows of columns, some of which may be elements of covariances."""
+    """Read some rows of columns, among them elements of covariances."""
     places = covariance_places(names_in(group))
     needed = {places[name][0] for name in names if name in places}
     matrices = {matrix: group[matrix][part] for matrix in needed}
@@ -110,7 +110,7 @@ def columns_in(group: Any, names: Sequence[str], part: slice) -> dict[str, Any]:
 
 
 def text_of(dataset: Any) -> Any:
-    """A dataset of text, with a mark for bytes that are not UTF-8, as in CSV."""
+    """A dataset of text, with a replacement for bytes that are not UTF-8, as in CSV."""
     return dataset.asstr(errors="replace")
 
 
@@ -134,7 +134,7 @@ def read_columns(path: Path, names: Sequence[str]) -> dict[str, Any]:
 
 
 class Hdf5Writer:
-    """Appends blocks of rows to a table, whose columns are those of the first block."""
+    """Writer that appends blocks of rows to an HDF5 table; the first block sets its columns."""
 
     def __init__(self, path: Path, about: Mapping[str, str], columns: Columns) -> None:
         self.h5py = require_extra("h5py", str(path))
@@ -159,7 +159,7 @@ class Hdf5Writer:
             note["type"], note["data"] = "application/json", about[CONFIGURATION]
 
     def add_columns(self, columns: Columns, units: Mapping[str, str]) -> None:
-        """Make empty datasets for columns, with their units and dimensions."""
+        """Create empty datasets for columns, with their units and dimensions."""
         packed = self.pack(columns)
         for name, values in packed.items():
             dataset = self.add_dataset(name, values)
@@ -172,7 +172,7 @@ class Hdf5Writer:
             self.describe_covariance(self.data[name])
 
     def add_dataset(self, name: str, values: Any) -> Any:
-        """Make an empty dataset for values of this kind (n, ...)."""
+        """Create an empty dataset for values (n, ...) of the type of these."""
         shape = values.shape[1:]
         return self.data.create_dataset(
             name,
@@ -185,7 +185,7 @@ class Hdf5Writer:
         )
 
     def describe_covariance(self, dataset: Any) -> None:
-        """Name the numbers of a covariance (n, 6, 6) and their units."""
+        """Add the names of the components, and their units, to a covariance (n, 6, 6)."""
         dataset.attrs["component_units"] = [unit_of_column(name) for name in STATE_COLUMNS[:6]]
         for n, name in enumerate(COVARIANCE_AXES, start=1):
             if name not in self.data:
@@ -194,7 +194,7 @@ class Hdf5Writer:
             dataset.dims[n].attach_scale(self.data[name])
 
     def name_signals(self, names: list[str]) -> None:
-        """Name the signals that programs draw: the pose, else the readings, with uncertainties."""
+        """Mark the signals that programs draw: the pose, else the readings, with uncertainties."""
         poses = [name for name in STATE_COLUMNS[:6] if name in names]
         drawn = poses or [name for name in READING_COLUMNS if name in names]
         drawn = drawn or [name for name in names if self.data[name].dtype.kind == "f"] or names
@@ -217,7 +217,7 @@ class Hdf5Writer:
         return self.h5py.SoftLink(f"/{DATA}/{name}")
 
     def pack(self, columns: Columns) -> dict[str, Any]:
-        """The datasets of columns, with the number of each row where there is no other axis."""
+        """The datasets of columns; with the numbers of the rows if there are no times."""
         packed = pack_covariances(columns)
         if self.axis == ROW:
             count = len(next(iter(packed.values())))
@@ -235,11 +235,10 @@ class Hdf5Writer:
                 write_rows(self.data[name], start, values)
 
     def require_space(self, packed: Mapping[str, Any]) -> None:
-        """Raise `OSError` before the disk is full: then the library cannot close its file, and
-        ends the process.
-        """
-        more = sum(values.nbytes for values in packed.values())
-        self.unwritten = min(self.unwritten, CACHE_BYTES * len(packed)) + more
+        """Raise `OSError` if rows would not fit on the disk, because the library ends the process
+        if it cannot close its file on a full disk."""
+        added = sum(values.nbytes for values in packed.values())
+        self.unwritten = min(self.unwritten, CACHE_BYTES * len(packed)) + added
         if free_space(self.path) < self.unwritten:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -249,8 +248,8 @@ class Hdf5Writer:
 
 
 def write_rows(dataset: Any, start: int, values: Any) -> None:
-    """Write rows of a dataset from `start` on: whole chunks of numbers here, the rest, which is
-    more expensive, by the library."""
+    """Write rows of a dataset from `start` on; the library, which is slower, writes only text and
+    incomplete chunks."""
     length = dataset.chunks[0]
     for piece in np.split(values, range(-start % length, len(values), length)):
         if len(piece) == length and dataset.dtype == values.dtype != object:
@@ -261,10 +260,10 @@ def write_rows(dataset: Any, start: int, values: Any) -> None:
 
 
 def compress(numbers: Any) -> bytes:
-    """Compress a chunk so that the library's filters, shuffle and gzip, decompress it.
+    """Compress a chunk for the library's filters, shuffle and gzip, in a quarter of their time.
 
-    This takes a quarter of their time: bytes of equal significance are a row, and a row of noise,
-    such as the last bytes of floats, is stored uncompressed.
+    Bytes of equal significance form a row; a row of noise, such as the last bytes of floats, is
+    stored uncompressed.
     """
     significant = np.ascontiguousarray(numbers).view(np.uint8).reshape(-1, numbers.itemsize)
     rows: Any = np.ascontiguousarray(significant.T)
@@ -285,7 +284,7 @@ def add_group(parent: Any, name: str, kind: str) -> Any:
 
 @contextmanager
 def system_errors() -> Iterator[None]:
-    """Raise `OSError` for errors of the library, which it also has where a disk is full."""
+    """Context that raises the library's errors, such as for a full disk, as `OSError`."""
     try:
         yield
     except RuntimeError as error:

@@ -1,4 +1,4 @@
-"""Tables in Parquet: provenance in the metadata of the file, units in that of the columns."""
+"""Tables in Parquet, with the provenance in the file's metadata and units in the columns'."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ def require_arrow(path: Path) -> tuple[Any, Any]:
 
 @contextmanager
 def open_arrow(path: Path) -> Iterator[tuple[Any, Any, BinaryIO]]:
-    """Yield pyarrow, its module for Parquet, and the open file, because pyarrow opens no name that
-    is not UTF-8. Their errors about a damaged file are an `InputError`."""
+    """Context with pyarrow, its module for Parquet, and the open file, because pyarrow cannot open
+    names that are not UTF-8. Raises `InputError` for a damaged file."""
     pa, pq = require_arrow(path)
     try:
         with path.open("rb") as raw:
             yield pa, pq, raw
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        what = str(error).partition("\n")[0]
+        reason = str(error).partition("\n")[0]
         raise InputError(
-            f"{path}: cannot be read as a Parquet table of numbers and words: {what}; copy or "
+            f"{path}: cannot be read as a Parquet table of numbers and words: {reason}; copy or "
             "write it again"
         ) from None
 
@@ -46,15 +46,15 @@ def read_chunks(
         file = pq.ParquetFile(raw)
         use = columns_to_read(path, file.schema_arrow.names, needed, optional)
         require_numbers(path, file.schema_arrow, use)
-        done = 0
+        count = 0
         for batch in file.iter_batches(rows, columns=use):
             columns = {
                 name: column.cast(pa.float64()).to_numpy(zero_copy_only=False)
                 for name, column in zip(batch.schema.names, batch.columns, strict=True)
             }
-            size = path.stat().st_size * (done + len(batch)) // file.metadata.num_rows
-            lines = np.arange(done, done + len(batch)) + 1
-            done += len(batch)
+            size = path.stat().st_size * (count + len(batch)) // file.metadata.num_rows
+            lines = np.arange(count, count + len(batch)) + 1
+            count += len(batch)
             yield Chunk(columns, lines, np.zeros(len(batch), dtype=bool), size)
 
 
@@ -89,7 +89,7 @@ def read_columns(path: Path, names: Sequence[str]) -> dict[str, Any]:
 
 
 def record_batch(columns: Columns) -> Any:
-    """The columns as a batch of Arrow."""
+    """Convert columns to an Arrow record batch."""
     import pyarrow as pa
 
     arrays = [arrow_column(values) for values in columns.values()]
@@ -97,9 +97,9 @@ def record_batch(columns: Columns) -> Any:
 
 
 def arrow_column(values: Any) -> Any:
-    """Make an Arrow column: numbers without a copy, words from those that differ.
+    """Convert values (n,) to an Arrow column: numbers without a copy, words from distinct ones.
 
-    `pyarrow.array` would first import pandas to check whether the values are a pandas series, which
+    `pyarrow.array` would first import pandas, to check whether the values are a pandas series. This
     takes longer than solving a small table.
     """
     import pyarrow as pa
@@ -123,14 +123,14 @@ def arrow_column(values: Any) -> Any:
 
 
 def fixed_size_column(kind: Any, array: Any) -> Any:
-    """The memory of an array (n,) as an Arrow column of a type that has as many bytes."""
+    """Wrap the memory of an array (n,) in an Arrow column.  kind: a type of the same size."""
     import pyarrow as pa
 
     return pa.Array.from_buffers(kind, len(array), [None, pa.py_buffer(array)])
 
 
 def add_units(schema: Any, about: Mapping[str, str]) -> Any:
-    """Add each field's unit (key `unit`) and `about` to an Arrow schema."""
+    """Add the provenance `about`, and each field's unit (key `unit`), to an Arrow schema."""
     import pyarrow as pa
 
     units = units_of(schema.names, about)
@@ -142,7 +142,7 @@ def add_units(schema: Any, about: Mapping[str, str]) -> Any:
 
 
 class ParquetWriter:
-    """Appends blocks of rows to a Parquet table, whose columns are those of the first block."""
+    """Writer that appends blocks of rows to a Parquet table; the first block sets its columns."""
 
     def __init__(self, path: Path, about: Mapping[str, str], columns: Columns) -> None:
         pa, pq = require_arrow(path)

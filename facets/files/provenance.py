@@ -1,4 +1,4 @@
-"""Provenance of results: the entries of every table and run record about its origin."""
+"""Provenance of results: entries about its origin in every table and run record."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def command_line() -> str:
 
 
 def provenance_header(config: Config, seed: int | None = None) -> dict[str, str]:
-    """Entries for the head of a table: config and its hash, the measured object, version, seed,
-    command, time."""
+    """Entries for the head of a table: configuration and its checksum, the measured object, the
+    program's version, seed, command and time."""
     entries = {
         "config": config.name,
         "config_sha256": config.sha256,
@@ -46,45 +46,47 @@ def provenance_header(config: Config, seed: int | None = None) -> dict[str, str]
 
 
 def configuration_entry(config: Config) -> dict[str, str]:
-    """The entry of a table's head with the whole configuration; CSV leaves it out."""
+    """The entry of a table's head with the complete configuration, which CSV omits."""
     return {CONFIGURATION: resolved_text(config.resolved)}
 
 
 def origin_line(config: Config) -> str:
-    """Describe in one line how a page or a document was made."""
+    """The command and the configuration's checksum, in one line of a page or document."""
     return f"{command_line()}; sha256 of the configuration {config.sha256[:12]}"
 
 
 def require_origin(source: Path, made: Mapping[str, Any], config: Config, remedy: str) -> None:
     """Raise `InputError` if an earlier result was not made from exactly this configuration.
 
-    source: the result's file or folder.  made: provenance that the result states, as `about`.
-    remedy: what to do instead.
+    source: file or folder of the result.  made: provenance that the result states.  remedy: advice
+    to the user.
     """
     checksum, name = made.get("config_sha256"), made.get("config")
     if checksum == config.sha256:
         return
     if not checksum:
-        what = f"does not say from which configuration it was made, so {config.name} may be another"
+        reason = (
+            f"does not say from which configuration it was made, so {config.name} may be another"
+        )
     elif name == config.name:
-        by = made.get("facets", __version__)
-        what = f"was made from another state of {name}"
-        what += f", by facets {by}" if by != __version__ else ""
+        version = made.get("facets", __version__)
+        reason = f"was made from another state of {name}"
+        reason += f", by facets {version}" if version != __version__ else ""
     else:
-        of = f"configuration {name}" if name else "another configuration"
-        what = f"was made from {of}, not from {config.name}"
-    raise InputError(f"{source}: {what}; {remedy}")
+        other = f"configuration {name}" if name else "another configuration"
+        reason = f"was made from {other}, not from {config.name}"
+    raise InputError(f"{source}: {reason}; {remedy}")
 
 
 def configuration(
     config: Config, block: dict[str, Any], about: dict[str, str], name: str = "sensor"
 ) -> str:
-    """Write a configuration as YAML with one block replaced, below its provenance."""
+    """Write a complete configuration with one block replaced as YAML, below its provenance."""
     return _commented_yaml({**config.resolved, name: block}, about)
 
 
 def extension(parent: Path | str, keys: dict[str, Any], about: dict[str, str]) -> str:
-    """Write YAML that extends another configuration by some keys, below its provenance."""
+    """Write a configuration that extends `parent` by some keys as YAML, below its provenance."""
     return _commented_yaml({"extends": str(parent), **keys}, about)
 
 
@@ -97,7 +99,7 @@ def _commented_yaml(keys: dict[str, Any], about: dict[str, str]) -> str:
 
 
 def run_record(config: Config, seed: int | None, seconds: float, results: dict[str, Any]) -> str:
-    """Describe a run completely, as YAML."""
+    """Write the provenance, results and resolved configuration of a run as YAML."""
     from importlib.metadata import version
 
     from ruamel.yaml import YAML

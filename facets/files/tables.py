@@ -1,7 +1,7 @@
 """Tables of any length: reading in chunks, writing completely or not at all.
 
-A table begins with its provenance: comment lines `# key: value` in CSV, which is read and written
-here; metadata and attributes in the formats of `FORMATS`. CSV may be compressed (.csv.gz), and the
+A table begins with its provenance: comment lines `# key: value` in CSV, which this module reads and
+writes; metadata or attributes in the formats of `FORMATS`. CSV may be compressed (.csv.gz), and the
 name - means CSV from the standard input or to the standard output.
 """
 
@@ -53,26 +53,30 @@ if TYPE_CHECKING:
 
 #: A table in a file, or in memory.
 Source = Path | FrameTable
-#: Endings of tables that are written, and of those that are only read.
+#: Endings of tables that can be written, and of tables that can be read.
 ENDINGS = (".csv", ".csv.gz", ".parquet", ".h5")
 READABLE = (*ENDINGS, ".tdms")
 #: Formats other than CSV, by the suffixes of their files.
 FORMATS: dict[str, Any] = {".parquet": parquet_table, ".h5": hdf5_table, ".tdms": tdms_table}
+#: Default number of rows in a chunk.
 CHUNK = 50_000
 
 
 def ending(path: Path, allowed: Sequence[str] = ENDINGS) -> str:
-    """The suffix of a table's file; raises `InputError` if it is none of a table."""
+    """The suffix of a table's file; raises `InputError` if the name has no allowed ending."""
     if path == STANDARD_STREAM:
         return ".csv"
     if not path.name.lower().endswith(tuple(allowed)):
-        *some, last = allowed
-        raise InputError(f"{path}: a table's name ends in {', '.join(some)} or {last}")
+        *others, last = allowed
+        raise InputError(f"{path}: a table's name ends in {', '.join(others)} or {last}")
     return path.suffix.lower()
 
 
 def format_of(source: Source) -> Any:
-    """The functions that read a table, after `require_table`; None for CSV."""
+    """The module that reads a table's format; None for CSV.
+
+    Raises `InputError` if the file is no table, see `require_table`.
+    """
     if isinstance(source, FrameTable):
         return frame_table
     require_table(source)
@@ -94,9 +98,9 @@ def read_chunks(
 
 
 def screen(source: Source, chunk: Chunk) -> Chunk:
-    """The chunk with NaN where a value is not plausible, see `read_chunks`.
+    """Replace implausible values of a chunk by NaN, see `read_chunks`.
 
-    Readings stay: those of a dark detector are of any size, and the solver gives them a status.
+    Readings remain, because a dark detector's are of any size, and the solver gives them a status.
     """
     columns = dict(chunk.columns)
     for name in columns.keys() - set(READING_COLUMNS):
@@ -146,7 +150,10 @@ def require_table(path: Path) -> None:
 
 @contextmanager
 def open_bytes(path: Path) -> Iterator[Any]:
-    """Open a file, a compressed one, or the standard input."""
+    """Open a file, decompressed if its suffix is .gz, or the standard input, for reading bytes.
+
+    Raises `InputError` if it cannot be read.
+    """
     file = 0 if path == STANDARD_STREAM else path
     try:
         with (
@@ -159,20 +166,24 @@ def open_bytes(path: Path) -> Iterator[Any]:
         raise InputError(f"{path}: cannot be read: {reason}") from None
 
 
-#: Bytes that are read, and rows that are written at a time: their texts fit into a cache.
+#: Numbers of bytes read, and of rows written, at a time: their texts fit into a processor's cache.
 BLOCK_BYTES, BLOCK_ROWS = 100_000, 1000
 
 
-#: Whole lines of a file, and the number of the first, from 1.
+#: The number of a line, from 1, and the text of complete lines from there on.
 Block = tuple[int, bytes]
 
 
 class Sheet:
-    """An open CSV table after its header: its lines in blocks, and rows with their line numbers."""
+    """An open CSV table, whose header has been read.
+
+    first: line number of the header.  head: provenance.  names: of the columns.  Raises
+    `InputError` for an empty file or a malformed header.
+    """
 
     def __init__(self, path: Path, raw: Any) -> None:
         self.path, self.raw = path, raw
-        # old systems end lines with CR alone
+        # Old systems end lines with CR alone.
         is_old = re.search(rb"\r[^\n]", raw.peek(1))
         self.file = file = BytesIO(line_feeds(raw.read())) if is_old else raw
         header, self.first, self.head, declared = "", 0, {}, ""
@@ -190,9 +201,9 @@ class Sheet:
         self.delimiter = declared or delimiter_of(header)
         names = self.header_cells(header)
         self.names = [name.strip() for name in names]
-        while len(self.names) > 1 and not self.names[-1]:  # each line ends with a delimiter
+        while len(self.names) > 1 and not self.names[-1]:  # Each line may end with a delimiter.
             self.names.pop()
-        #: Cells that a row may have besides, if they are empty.
+        #: Number of further cells that a row may have if they are empty.
         self.spare = 1 + len(names) - len(self.names)
 
     def header_cells(self, header: str) -> list[str]:
@@ -210,12 +221,15 @@ class Sheet:
             line += text.count(b"\n")
 
     def rows(self, blocks: Iterable[Block]) -> Iterator[tuple[int, list[str]]]:
-        """Yield line numbers, from 1, and cells; skip comments, empty lines, and empty cells at
-        the end of a row that has more cells than the header."""
+        """Yield the line number, from 1, and the cells of each row.
+
+        Comments, empty lines, and empty cells beyond the header's are skipped. Raises `InputError`
+        for a malformed line.
+        """
         width = len(self.names)
         for first, text in blocks:
             lines = StringIO(text.decode(errors="replace"))
-            # numbers need no quotes, and a stray one must not swallow the lines that follow it
+            # Without quoting, because a stray quote would swallow the lines that follow it.
             reader = csv.reader(lines, delimiter=self.delimiter, quoting=csv.QUOTE_NONE)
             try:
                 for row in reader:
@@ -227,12 +241,13 @@ class Sheet:
                 raise InputError(f"{self.path}:{line}: not a line of a table: {error}") from None
 
     def plain_numbers(self, text: bytes, places: Sequence[int]) -> Floats | None:
-        """The numbers (n, columns) of a block whose lines are rows of plain numbers and words.
+        """Parse a block whose lines are all rows of plain numbers and words, fast.
 
-        None for a block that has another line, or no plain number in one of `places`.
+        places: indices of the columns to parse.  Returns their numbers (n, columns); None for a
+        block with other lines, or with a cell there that is no plain number.
         """
         mark, width = self.delimiter.encode(), len(self.names)
-        # an empty line is not a row, and the reader of rows refuses longer cells
+        # One column is excluded, because an empty line is no row; long cells are refused elsewhere.
         if width > 1 == self.spare and len(text) <= csv.field_size_limit() and text[-1:] == b"\n":
             marks = (mark * (width - 1) + b"\n") * text.count(b"\n")
             for characters, parse in ((NUMERIC, parse_numbers), (WORDY, parse_words)):
@@ -242,19 +257,19 @@ class Sheet:
         return None
 
     def numbers(self, row: Sequence[str], places: Sequence[int]) -> list[float]:
-        """Whether a row is malformed, followed by the numbers of its cells at `places`."""
+        """Whether a row is malformed, followed by the numbers in its cells at `places`, or NaN."""
         with suppress(ValueError):
             if len(row) == len(self.names):
                 return [False, *(number(row[place]) for place in places)]
         return [True, *(np.nan for _ in places)]
 
     def columns_to_read(self, needed: Sequence[str], optional: Sequence[str]) -> list[str]:
-        """Names of the columns to read; errors say which line was taken for the header."""
+        """Names of the columns to read; errors state which line was taken for the header."""
         place = f"{self.path}: header in line {self.first}"
         return columns_to_read(place, self.names, needed, optional)
 
     def refuse_width(self, line: int, row: Sequence[str]) -> InputError:
-        """The error for a row that has another number of cells than the header."""
+        """Make the error for a row whose number of cells differs from the header's."""
         return InputError(
             f"{self.path}:{line}: this row has {len(row)} cells, and the header in line "
             f"{self.first} has {len(self.names)}; give each row as many"
@@ -265,17 +280,20 @@ class Sheet:
 
 
 def line_feeds(text: bytes) -> bytes:
-    """Whole lines with line feeds at their ends."""
+    """Convert the ends of lines to line feeds."""
     return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
 
 
-#: Bytes of numbers, and of lines that are no comments.
+#: Bytes that numbers consist of, and bytes that rows without comments consist of.
 NUMERIC = b"0123456789+-.eE "
 WORDY = bytes(range(32, 127)).replace(b"#", b"")
 
 
 def parse_numbers(text: bytes, mark: bytes, width: int, places: Sequence[int]) -> Floats:
-    """Numbers (n, columns) of lines that have `width` numbers of JSON."""
+    """Parse lines of `width` numbers in the syntax of JSON; returns (n, columns) at `places`.
+
+    Raises `ValueError` for other lines.
+    """
     import orjson
 
     flat = text[:-1].replace(b"\n", b",").replace(mark, b",")
@@ -286,8 +304,11 @@ def parse_numbers(text: bytes, mark: bytes, width: int, places: Sequence[int]) -
 
 
 def parse_words(text: bytes, mark: bytes, width: int, places: Sequence[int]) -> Floats:
-    """Numbers (n, columns) of lines that have `width` numbers and words; NaN for empty cells, but
-    not the first of a line."""
+    """Parse lines of `width` numbers and words; returns (n, columns) at `places`, NaN for empty
+    cells.
+
+    Raises `ValueError` for words at `places`, and for an empty first cell.
+    """
     mark_before_gap = rb"%b(?=%b|\n)" % (2 * (re.escape(mark),))
     filled = re.sub(mark_before_gap, lambda match: match[0] + b"nan", text)
     lines = filled.decode().splitlines()
@@ -305,7 +326,7 @@ def read_head(path: Path) -> dict[str, str]:
 
 
 def column_names(path: Path) -> list[str]:
-    """The names of a table's columns; none for a file whose name is not that of a table."""
+    """The names of a table's columns; none for a file without the ending of a table."""
     if not path.name.lower().endswith(READABLE):
         return []
     other = format_of(path)
@@ -316,7 +337,7 @@ def column_names(path: Path) -> list[str]:
 
 
 def delimiter_of(header: str) -> str:
-    """Delimiter of a line: a comma or, if it has none, a semicolon or a tab."""
+    """The delimiter of a line: a comma or, if it contains none, a semicolon or a tab."""
     return next((mark for mark in ",;\t" if mark in header), ",")
 
 
@@ -327,9 +348,10 @@ def open_sheet(path: Path) -> Iterator[Sheet]:
 
 
 def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floats]:
-    """Read names and rows of a small CSV table that holds only numbers.
+    """Read a small CSV table of numbers: the names of its columns and its rows (n, columns).
 
-    Raises `InputError` with the line of a cell that is not a number.
+    names: of the columns to read; all if empty. Raises `InputError` with the line of a cell that is
+    not a number.
     """
     with open_sheet(path) as sheet:
         use = sheet.columns_to_read(names or sheet.names, ())
@@ -345,7 +367,7 @@ def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floa
 
 
 def read_words(source: Source, name: str) -> list[str] | None:
-    """Read a column of words of a whole table; None if it has no such column."""
+    """Read a column of words of a table, with a word for each row; None without such a column."""
     other = format_of(source)
     if other:
         if name not in other.column_names(source):
@@ -368,7 +390,7 @@ def read_csv(
         use = sheet.columns_to_read(needed, optional)
         blocks, same_blocks = tee(sheet.blocks())
         refuse_words(sheet, use, list(islice(sheet.rows(same_blocks), CHECKED_ROWS)))
-        del same_blocks  # it would keep all blocks
+        del same_blocks  # It would hold all blocks in memory.
         pieces = (read_rows(sheet, use, block) for block in blocks)
         for part in equal_pieces(pieces, rows):
             lines, bad, *columns = part.T
@@ -377,8 +399,7 @@ def read_csv(
 
 
 def read_rows(sheet: Sheet, names: Sequence[str], block: Block) -> Floats:
-    """The rows of a block (n, 2 + columns): the number of the line, whether it is not numbers, and
-    the numbers."""
+    """The rows of a block (n, 2 + columns): line number, whether it is malformed, and numbers."""
     places = [sheet.names.index(name) for name in names]
     first, text = block
     values = sheet.plain_numbers(text, places)
@@ -390,7 +411,7 @@ def read_rows(sheet: Sheet, names: Sequence[str], block: Block) -> Floats:
 
 
 def equal_pieces(pieces: Iterable[Floats], rows: int) -> Iterator[Floats]:
-    """Yield the rows of arrays (n, m) in arrays of `rows`, but for the last."""
+    """Yield the rows of arrays (n, m) in arrays of `rows` rows; the last may be shorter."""
     waiting, count = list[Floats](), 0
     for piece in pieces:
         waiting.append(piece)
@@ -404,13 +425,13 @@ def equal_pieces(pieces: Iterable[Floats], rows: int) -> Iterator[Floats]:
         yield np.concatenate(waiting)
 
 
-#: A column with words only in this number of rows is assumed to be a column of words.
+#: A column without a number in this many rows is assumed to be a column of words.
 CHECKED_ROWS = 1000
 
 
 def refuse_words(sheet: Sheet, names: Sequence[str], rows: Sequence[tuple[int, list[str]]]) -> None:
-    """Raise `InputError` for a column that holds words and no number in the checked rows, or if
-    none of these rows has as many cells as the header."""
+    """Raise `InputError` if a column has no number in the checked rows, or if none of these rows
+    has as many cells as the header.  rows: line numbers with cells."""
     full = [(line, row) for line, row in rows if len(row) == len(sheet.names)]
     if rows and not full:
         raise sheet.refuse_width(*rows[0])
@@ -426,12 +447,15 @@ def refuse_words(sheet: Sheet, names: Sequence[str], rows: Sequence[tuple[int, l
 
 
 def number(cell: str) -> float:
-    """Convert a cell to a number, an empty one to NaN; quotes around it are ignored."""
+    """Convert a cell to a number, an empty cell to NaN; quotes around it are ignored.
+
+    Raises `ValueError` for other text.
+    """
     return plain_number(unquote(cell) or "nan")
 
 
 def unquote(cell: str) -> str:
-    """A cell without the blanks and the quotes around it."""
+    """Remove blanks and quotes around a cell."""
     text = cell.strip()
     return text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
 
@@ -445,14 +469,17 @@ def is_number(cell: str) -> bool:
 
 
 def read_columns(path: Path) -> Columns:
-    """Read all columns of a table, numbers and words, as they are."""
+    """Read all columns of a table, numbers and words, without a check of plausibility.
+
+    Raises `InputError` if the file cannot be read as a table.
+    """
     other = format_of(path)
     if other:
         columns: Columns = other.read_columns(path, other.column_names(path))
         return columns
     import pandas as pd
 
-    # before 3.1 the last digit of a number was by default not that of the text
+    # Before pandas 3.1, the last digit of a number may by default differ from the text.
     is_exact = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     exact: Any = {} if is_exact else {"float_precision": "round_trip"}
     with (
@@ -462,7 +489,7 @@ def read_columns(path: Path) -> Columns:
     ):
         sheet.columns_to_read((), ())
         spare = list(range(sheet.spare))
-        # pandas would drop the last cells of a first row with too many
+        # Otherwise pandas drops surplus cells of the first row.
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
             frame = pd.read_csv(
@@ -480,7 +507,7 @@ def read_columns(path: Path) -> Columns:
 
 
 def refuse_wide_rows(path: Path) -> None:
-    """Raise `InputError` for the first row that has more cells than the header."""
+    """Raise `InputError` for the first row with more cells than the header, if there is one."""
     with open_sheet(path) as sheet:
         for line, row in sheet.rows(sheet.blocks()):
             if len(row) > len(sheet.names):
@@ -488,7 +515,7 @@ def refuse_wide_rows(path: Path) -> None:
 
 
 def numbers_or_words(column: Any) -> Any:
-    """A column of pandas as numbers, NaN where a cell is no number; as words if most cells are.
+    """Convert a pandas column to numbers, NaN for other cells; to words if most cells are words.
 
     Quotes around cells are removed, as in `number`.
     """
@@ -496,7 +523,7 @@ def numbers_or_words(column: Any) -> Any:
 
     if pd.api.types.is_numeric_dtype(column):
         return column.to_numpy()
-    is_text = column.map(lambda cell: isinstance(cell, str))  # of a long table not all are
+    is_text = column.map(lambda cell: isinstance(cell, str))  # Long tables have mixed types.
     column = column.mask(is_text, column[is_text].map(unquote)).replace("", np.nan)
     numbers = pd.to_numeric(column, errors="coerce")
     is_number = 2 * numbers.notna().sum() > column.notna().sum()
@@ -509,8 +536,11 @@ def read_frame(path: Path) -> DataFrame:
 
 
 def cells_of(values: Any) -> Any:
-    """A column's values as they are if JSON writes them as CSV has them, otherwise their texts;
-    floats have the digits that give the same float again."""
+    """A column's values (n,) unchanged if JSON writes them in the same way as CSV, else their
+    texts, with all digits of floats.
+
+    Raises `ValueError` for a cell with a comma, a quote or a line break.
+    """
     array = np.ascontiguousarray(values)
     if array.dtype.kind in "biuf" and not np.isinf(array).any():
         return array
@@ -521,7 +551,7 @@ def cells_of(values: Any) -> Any:
 
 
 def joined_cells(columns: Iterable[Any]) -> Iterator[Any]:
-    """Yield the cells of columns (n,); of neighbours that hold numbers of one type, as (n, m)."""
+    """Yield the cells of columns (n,); m neighbours of one numeric type as one array (n, m)."""
 
     def kind_of(cells: Any) -> str:
         return "" if isinstance(cells, list) else cells.dtype.str
@@ -534,7 +564,7 @@ def joined_cells(columns: Iterable[Any]) -> Iterator[Any]:
 
 
 def texts_of(cells: Any) -> list[str]:
-    """The texts of cells, of which each row is joined."""
+    """The text of each row of cells, joined by commas."""
     import orjson
 
     if isinstance(cells, list):
@@ -546,13 +576,13 @@ def texts_of(cells: Any) -> list[str]:
 
 
 def head_lines(about: Mapping[str, str]) -> list[str]:
-    """Provenance as comment lines, without the whole configuration."""
+    """Provenance as comment lines, without the complete configuration."""
     entries = {key: " ".join(text.split()) for key, text in about.items() if key != CONFIGURATION}
     return [f"# {key}: {text}" for key, text in entries.items()]
 
 
 class CsvWriter:
-    """Appends blocks of rows to a table of text, whose columns are those of the first block."""
+    """Writer that appends blocks of rows to a CSV table; the first block sets its columns."""
 
     def __init__(self, path: Path, about: Mapping[str, str], columns: Columns) -> None:
         self.is_stream = path == STANDARD_STREAM
@@ -585,9 +615,9 @@ WRITERS: dict[str, Any] = {".parquet": ParquetWriter, ".h5": Hdf5Writer}
 
 
 class Writer:
-    """Appends blocks of rows to a table, in the format of the file's suffix.
+    """Writer that appends blocks of rows to a table, in the format of the file's suffix.
 
-    file: the writer in that format; None as long as there are no rows.
+    file: writer of that format; None until the first block.
     """
 
     def __init__(self, path: Path, about: Mapping[str, str]) -> None:
@@ -608,7 +638,10 @@ class Writer:
 
 @contextmanager
 def open_writer(path: Path, about: Mapping[str, str]) -> Iterator[Writer]:
-    """Open a table that appears under its name once it is complete.  about: its provenance."""
+    """Open a table for writing; it appears under its name once it is complete.
+
+    about: its provenance. Raises `InputError` for a name without the ending of a table.
+    """
     ending(path)
     with nullcontext(path) if path == STANDARD_STREAM else Whole(path) as temporary:
         writer = Writer(temporary, about)
@@ -619,6 +652,6 @@ def open_writer(path: Path, about: Mapping[str, str]) -> Iterator[Writer]:
 
 
 def write_table(path: Path, columns: Columns, about: Mapping[str, str]) -> None:
-    """Write a table at once.  about: its provenance."""
+    """Write a table of columns.  about: its provenance."""
     with open_writer(path, about) as writer:
         writer.write(columns)

@@ -1,10 +1,11 @@
 """Tables in TDMS, which LabVIEW writes, read by npTDMS: references, forces, temperatures.
 
-Each channel is a column. Its name is that of the channel, with the unit of its property
-`unit_string` behind it if it ends in none: Force in N is `force_n`. A unit that would be read as
-another behind a name is only in the head: Torque in Nm is `torque`. Without a channel `time_s`,
-the times come from the properties of waveforms, `wf_start_offset` and `wf_increment`. Waveforms
-that began at different times, or have different rates, are no columns of one table.
+Each channel is a column, named after the channel. If the name ends in no unit, the unit in the
+property `unit_string` is appended: Force in N becomes `force_n`. A unit that would be read as
+another at the end of a name is only in the head: Torque in Nm becomes `torque`.
+
+Without a channel `time_s`, the times follow from the properties of waveforms, `wf_start_offset` and
+`wf_increment`. Waveforms that began at different times, or have different rates, are refused.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ from .columns import Chunk, columns_to_read, refuse_text, row_chunks, unit_of_co
 SIGNATURE = b"TDSm"
 KIND = "a TDMS file"
 TIME = "time_s"
-#: Bytes before each segment; in the fifth the bit of numbers with the largest byte first, and from
-#: the 13th to the 20th the length of the segment.
+#: Number of bytes before each segment, and the bit of the fifth byte that indicates numbers with
+#: the largest byte first. Bytes 13 to 20 are the segment's length.
 LEAD, BIG_ENDIAN = 28, 0x40
-#: Starts of waveforms that differ by less than this fraction of a step are equal: at the highest
-#: frequency a phase is 0.03 rad off.
+#: Starts of waveforms that differ by less than this fraction of a step count as equal: the phase
+#: error at the highest frequency is 0.03 rad.
 LARGEST_SHIFT = 0.01
-#: What npTDMS raises for damaged files.
+#: Exceptions of npTDMS for damaged files.
 DAMAGES = (
     OSError, ValueError, LookupError, EOFError, struct.error, NotImplementedError, ArithmeticError,
     MemoryError,
@@ -44,18 +45,20 @@ DAMAGES = (
 def open_file(path: Path) -> Iterator[Any]:
     nptdms = require_extra("nptdms", str(path))
     try:
-        with path.open("rb") as raw:  # of a damaged file npTDMS leaves its own open
-            require_whole(path, raw)
+        with path.open("rb") as raw:  # npTDMS would not close a damaged file.
+            require_last_segment(path, raw)
             with nptdms.TdmsFile.open(raw) as file:
                 yield file
     except DAMAGES as error:
-        what = str(error) or type(error).__name__
-        raise InputError(f"{path}: cannot be read as TDMS: {what}; copy or save it again") from None
+        reason = str(error) or type(error).__name__
+        raise InputError(
+            f"{path}: cannot be read as TDMS: {reason}; copy or save it again"
+        ) from None
 
 
-def require_whole(path: Path, raw: BinaryIO) -> None:
-    """Raise `InputError` for a file that does not end where its last segment ends; npTDMS would
-    drop the rest of its values."""
+def require_last_segment(path: Path, raw: BinaryIO) -> None:
+    """Raise `InputError` for a file that ends within its last segment, of which npTDMS would
+    silently drop values."""
     size, place = path.stat().st_size, 0
     while place + LEAD <= size:
         raw.seek(place)
@@ -71,15 +74,15 @@ def require_whole(path: Path, raw: BinaryIO) -> None:
 
 @contextmanager
 def open_channels(path: Path) -> Iterator[dict[str, Any]]:
-    """Open the channels of a file, see `columns_in`."""
+    """Context with the channels of a file by column, see `columns_in`."""
     with open_file(path) as file:
         yield columns_in(path, file)
 
 
 def columns_in(path: Path, file: Any) -> dict[str, Any]:
-    """The channels of an open file by the names of their columns.
+    """The channels of an open file, by column.
 
-    Raises `InputError` if they are not columns of one table.
+    Raises `InputError` if there are none, or if they differ in length, rate or start.
     """
     channels = [channel for group in file.groups() for channel in group.channels()]
     if not channels:
@@ -88,46 +91,46 @@ def columns_in(path: Path, file: Any) -> dict[str, Any]:
     columns = {column_of(path, channel): channel for channel in channels}
     if len(columns) < len(channels):
         raise InputError(f"{path}: two channels give the same column; rename one of them")
-    require_equal_times(path, [each for each in channels if each.properties.get("wf_increment")])
+    require_equal_times(path, [c for c in channels if c.properties.get("wf_increment")])
     return columns
 
 
 def require_equal_times(path: Path, waveforms: Sequence[Any]) -> None:
     """Raise `InputError` if waveforms differ in rate or start, or have an axis other than time."""
-    steps = {each.name: float(each.properties["wf_increment"]) for each in waveforms}
+    steps = {c.name: float(c.properties["wf_increment"]) for c in waveforms}
     require_equal(path, "wf_increment", steps)
-    units = {each.name: each.properties.get("wf_xunit_string") or "s" for each in waveforms}
+    units = {c.name: c.properties.get("wf_xunit_string") or "s" for c in waveforms}
     if other := [name for name, unit in units.items() if unit != "s"]:
         raise InputError(
             f"{path}: channel {other[0]!r} has wf_xunit_string {units[other[0]]!r}; allowed: s"
         )
-    starts = {each.name: start_of(each) for each in waveforms}
+    starts = {c.name: start_of(c) for c in waveforms}
     spread = np.ptp([*starts.values()]) / np.timedelta64(1, "s") if starts else 0.0
     if starts and spread > LARGEST_SHIFT * min(steps.values()):
         require_equal(path, "wf_start_time + wf_start_offset", starts)
 
 
 def start_of(waveform: Any) -> np.datetime64:
-    """When the first sample was taken: with no `wf_start_time`, it counts from LabVIEW's zero."""
+    """Time of a waveform's first sample; without `wf_start_time`, relative to LabVIEW's zero."""
     offset = round(1e9 * float(waveform.properties.get("wf_start_offset", 0.0)))
     begin = np.datetime64(waveform.properties.get("wf_start_time", "1904-01-01"), "ns")
     return begin + np.timedelta64(offset, "ns")
 
 
-def require_equal(path: Path, what: str, values: dict[str, Any]) -> None:
-    """Raise `InputError` if channels differ.  values: by the channels' names."""
+def require_equal(path: Path, quantity: str, values: dict[str, Any]) -> None:
+    """Raise `InputError` if channels differ in a quantity.  values: of it, by channel."""
     if len(set(values.values())) > 1:
         shown = ", ".join(f"{name} {value}" for name, value in values.items())
         raise InputError(
-            f"{path}: the channels differ in {what} ({shown}); save those of one rate and start in "
-            "a file of their own"
+            f"{path}: the channels differ in {quantity} ({shown}); save those of one rate and "
+            "start in a file of their own"
         )
 
 
 def column_of(path: Path, channel: Any) -> str:
-    """The name of a channel's column: `force_n` of the channel Force in N.
+    """The column's name for a channel: `force_n` for the channel Force in N.
 
-    Raises `InputError` if its name ends in another unit than that of the channel.
+    Raises `InputError` if the channel's name ends in another unit than its `unit_string`.
     """
     text = plain_unit(channel.name).replace("degC", "C").lower()
     name = "_".join(re.findall("[a-z0-9]+", text))
@@ -145,12 +148,12 @@ def column_of(path: Path, channel: Any) -> str:
 
 
 def unit_text(channel: Any) -> str:
-    """The unit of a channel, or an empty text."""
+    """The unit of a channel, "" if it has none."""
     return str(channel.properties.get("unit_string", "")).strip()
 
 
 def values_of(columns: dict[str, Any], name: str, part: slice) -> Any:
-    """Some rows of a column; times are computed where the file has none."""
+    """Some rows of a column; times are computed from the waveforms if the file has none."""
     if name in columns:
         return columns[name][part]
     waveform = first_waveform(columns)
@@ -160,7 +163,7 @@ def values_of(columns: dict[str, Any], name: str, part: slice) -> Any:
 
 
 def first_waveform(columns: dict[str, Any]) -> Any:
-    """The first channel that says how fast it was sampled; None if none does."""
+    """The first channel that states its sampling interval; None if there is none."""
     return next((c for c in columns.values() if c.properties.get("wf_increment")), None)
 
 

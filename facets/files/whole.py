@@ -1,4 +1,4 @@
-"""Files that are written completely or not at all, and checks of their places before the work."""
+"""Write files completely or not at all, and check in advance that they can be written."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..core.extras import require_extra
 from ..core.names import escape_undecodable
 from .completeness import require_complete
 
-#: Modules of extras that write a kind of file, by its suffix.
+#: Optional modules that write files, by suffix.
 WRITERS = {".h5": "h5py", ".mcap": "mcap.writer", ".parquet": "pyarrow"}
 #: The name of the standard input, and of the standard output.
 STANDARD_STREAM = Path("-")
@@ -31,11 +31,11 @@ STANDARD_STREAM = Path("-")
 def refuse_to_overwrite(
     paths: Sequence[Path], force: bool, sources: Sequence[Path | None] = ()
 ) -> None:
-    """Check the places of all results before any work is done for them.
+    """Check before the computation that all results can be written.
 
-    sources: files that the results extend or derive from; None is skipped. Raises `OutputError`
-    if one of the paths is a source, exists and must not be replaced, is a folder, or cannot be
-    written; `InputError` if the extra that writes one of them is missing.
+    sources: files that the results extend or derive from; None is skipped. Raises `OutputError` if
+    a path is a source, exists without `force`, is a folder, or cannot be written; `InputError` if
+    the extra that writes one of them is missing.
     """
     for path in paths:
         require_writable(path)
@@ -54,11 +54,11 @@ def refuse_to_overwrite(
 
 
 def require_writable(path: Path) -> None:
-    """Raise `OutputError` if a file of this name, or the standard output, cannot be written; leave
-    nothing behind.
+    """Raise `OutputError` if a file of this name, or the standard output, cannot be written.
 
-    Tries to write in the nearest existing folder, because rights, a read-only disk and a full disk
-    appear differently on different systems. Raises `InputError` if an extra is missing.
+    A temporary file in the nearest existing folder is written and removed, because systems differ
+    in how they report rights, read-only disks and full disks. Raises `InputError` if an extra is
+    missing.
     """
     if path.suffix.lower() in WRITERS:
         require_extra(WRITERS[path.suffix.lower()], str(path))
@@ -76,7 +76,10 @@ def require_writable(path: Path) -> None:
 
 
 def nearest_folder(path: Path) -> Path:
-    """Nearest existing folder above a path, after checking the name of each part of the path."""
+    """Nearest existing folder above a path.
+
+    Raises `OutputError` if this is a file, `OSError` if a name in the path is too long.
+    """
     for above in path.parents:
         if above.exists():
             if not above.is_dir():
@@ -90,7 +93,7 @@ def nearest_folder(path: Path) -> Path:
 
 
 def free_space(path: Path) -> int:
-    """Free bytes on the disk that would hold a file of this name."""
+    """Number of free bytes on the disk of a path."""
     return shutil.disk_usage(nearest_folder(path)).free
 
 
@@ -113,13 +116,13 @@ class Whole:
     it gets its name, so that neither an error nor a power failure leaves half a file. Within a
     `ResultSet` the file waits for the other files of the set.
 
-    alone: whether the file belongs to no set, such as a file that is kept for later runs.
+    alone: whether the file belongs to no set, such as a cache for later runs.
     """
 
     def __init__(self, path: Path, alone: bool = False) -> None:
         self.path, self.alone = path, alone
-        self.removes = False  # a set also takes older files away
-        self.lock: IO[bytes] = BytesIO()  # the temporary file, locked as long as its writer lives
+        self.removes = False  # whether publishing the set removes the file of this name
+        self.lock: IO[bytes] = BytesIO()  # the temporary file, locked while its process exists
 
     def __enter__(self) -> Path:
         self.folders = missing_folders(self.path.parent)
@@ -130,7 +133,7 @@ class Whole:
             handle = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
             self.lock = os.fdopen(handle, "wb")
             if not lock_file(self.lock):
-                self.lock.close()  # Windows renames no file that is open
+                self.lock.close()  # Windows cannot rename an open file.
         except BaseException as error:
             self.discard()
             if isinstance(error, OSError):
@@ -163,18 +166,18 @@ class Whole:
 
     @property
     def backup(self) -> Path:
-        """Path of the older file of this name while a set is published."""
+        """Path of a backup of the older file while a set is published."""
         return self.temporary.with_name(f"{self.temporary.name}.old")
 
     def restore(self) -> None:
-        """Put the older file of this name back, or remove the new one if there was none."""
+        """Restore the older file of this name, or remove the new one if there was none."""
         if self.backup.exists():
             self.backup.replace(self.path)
         elif not (self.removes or self.temporary.exists()):
             self.path.unlink(missing_ok=True)
 
     def discard(self) -> None:
-        """Remove everything written so far, and the folders that were made for it."""
+        """Remove the temporary file, the backup, and the folders that were made for them."""
         with hold_signals():
             self.lock.close()
             for path in (self.temporary, self.backup):
@@ -230,7 +233,7 @@ class ResultSet:
             older.discard()
 
     def publish(self) -> None:
-        """Give all files their names; if that fails, put all older files back."""
+        """Give all files their names; if that fails, restore all older files."""
         files = self.files.values()
         try:
             for file in files:
@@ -254,19 +257,21 @@ _sets: list[ResultSet] = []
 
 
 def readable_path(path: Path) -> Path:
-    """Path at which a result can be read: within a `ResultSet` it does not have its name yet."""
-    written = next((made.files[path] for made in reversed(_sets) if path in made.files), None)
+    """Path at which a result can be read; within a `ResultSet`, of its temporary file."""
+    written = next(
+        (results.files[path] for results in reversed(_sets) if path in results.files), None
+    )
     return path if written is None else written.temporary
 
 
 def remove_older(path: Path) -> None:
-    """Remove an older file; within a `ResultSet`, together with the others of the set."""
+    """Remove an older file; within a `ResultSet`, only when the set is published."""
     if not _sets:
         path.unlink(missing_ok=True)
         return
-    nothing = Whole(path)
-    nothing.folders, nothing.temporary, nothing.removes = [], hidden_name(path), True
-    _sets[-1].add(nothing)
+    removal = Whole(path)
+    removal.folders, removal.temporary, removal.removes = [], hidden_name(path), True
+    _sets[-1].add(removal)
 
 
 def hidden_name(path: Path) -> Path:
@@ -275,7 +280,7 @@ def hidden_name(path: Path) -> Path:
 
 
 def remove_orphans(path: Path) -> None:
-    """Remove the hidden files of this result whose writers were killed: nobody locks them."""
+    """Remove hidden files of this result that no process locks, since their writers were killed."""
     name = glob.escape(f".{path.stem[:40]}-|{path.suffix}").replace("|", 8 * "[0-9a-f]")
     for hidden in path.parent.glob(name):
         with suppress(OSError), hidden.open("rb") as file:
@@ -284,7 +289,8 @@ def remove_orphans(path: Path) -> None:
 
 
 def lock_file(file: IO[bytes]) -> bool:
-    """Lock an open file until it is closed; False if it is locked, or the system has no locks."""
+    """Lock an open file until it is closed; return False if it is locked already, or the system has
+    no locks."""
     try:
         import fcntl
 
@@ -295,12 +301,12 @@ def lock_file(file: IO[bytes]) -> bool:
 
 
 def missing_folders(folder: Path) -> list[Path]:
-    """The folder and its parents that do not exist, the innermost first."""
+    """Members of a folder's path that do not exist, itself included, the innermost first."""
     return [above for above in (folder, *folder.parents) if not above.exists()]
 
 
 def link_or_copy(path: Path, backup: Path) -> None:
-    """Make a second name for a file, or a copy if the disk has no links."""
+    """Back up a file by a hard link, or by a copy if the disk has no links."""
     try:
         os.link(path, backup)
     except OSError:
@@ -309,21 +315,21 @@ def link_or_copy(path: Path, backup: Path) -> None:
 
 @contextmanager
 def hold_signals() -> Iterator[None]:
-    """Context in which signals wait, so that ^C does not interrupt moves of files."""
+    """Context that delays signals, so that ^C does not interrupt moves of files."""
     waiting: list[tuple[int, FrameType | None]] = []
-    before: dict[int, Any] = {}
+    handlers: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)  # Windows has no SIGHUP
             if number is not None and callable(signal.getsignal(number)):
-                before[number] = signal.signal(number, lambda *args: waiting.append(args))
+                handlers[number] = signal.signal(number, lambda *args: waiting.append(args))
     try:
         yield
     finally:
-        for number, handler in before.items():
+        for number, handler in handlers.items():
             signal.signal(number, handler)
         for number, frame in waiting:
-            before[number](number, frame)
+            handlers[number](number, frame)
 
 
 def sync_to_disk(path: Path) -> None:
@@ -335,6 +341,6 @@ def sync_to_disk(path: Path) -> None:
         os.fsync(handle)
     except OSError as error:
         if not path.is_dir() or error.errno not in (errno.EINVAL, errno.ENOTSUP):
-            raise  # some systems have no folders that can be synced
+            raise  # Some systems cannot sync folders.
     finally:
         os.close(handle)
