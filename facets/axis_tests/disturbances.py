@@ -98,6 +98,7 @@ def fit_drift(values: Floats, sides: Integers, time: Floats) -> DriftFit:
     side, dwells = member.argmax(axis=0), member.sum(axis=1)
 
     def subtract_means(x: Floats) -> Floats:
+        """Columns (n, ...) less their means over the dwells of each position and direction."""
         return np.asarray(x - (member @ x / dwells[:, None])[side])
 
     freedom = len(time) - len(dwells)

@@ -187,6 +187,7 @@ class ErrorMotions:
 
     @property
     def is_rotary(self) -> bool:
+        """Whether the axis turns, instead of moving along a line."""
         return self.main >= 3
 
 

@@ -1,7 +1,7 @@
 """Accuracy and repeatability of positioning, as ISO 230-2 defines them, and their uncertainties.
 
-Deviations x[i, d, j] are those of run j from the target position i, approached in the positive
-(d = 0) or the negative direction (d = 1); NaN where there was no run. The definitions are those of
+Deviations x[i, d, j] are those of run j from the target position i, approached in the positive (d =
+0) or the negative direction (d = 1); NaN where there was no run. The definitions are those of
 clause 3 of ISO 230-2:2014, which applies to linear and rotary axes alike.
 
 All quantities but the mean reversal error are seminorms of x: they scale with it, and Q(x + e) <=
@@ -10,6 +10,9 @@ than Q(e), e being the errors of the measurement. Where the axis errs by much mo
 the difference is far smaller, and is nearly linear in e. Both cases are covered by drawing e from
 its joint distribution and taking the 95.45 % quantile (coverage factor 2) of |Q(t + e) - Q(t)|.
 Here t are deviations near the true ones: the measured ones less the estimated contribution of e.
+
+Functions of deviations x (..., targets, 2, runs) return quantities (...) in the unit of x, and NaN
+where no number is defined.
 """
 
 from __future__ import annotations

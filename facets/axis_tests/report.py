@@ -88,6 +88,7 @@ class AxisReport:
 
     @property
     def position_unit(self) -> tuple[str, float]:
+        """The unit of positions along the axis, and the factor to it from mm or rad."""
         return ("deg", 180 / np.pi) if self.motions.is_rotary else ("mm", 1.0)
 
     @cached_property

@@ -238,7 +238,8 @@ def find_visits(
 
 
 def check_axis(moved: Floats, axis: str) -> None:
-    """Raise `InputError` if there is no pose, or if another axis moved further."""
+    """Raise `InputError` for displacements (n, 6), mm and rad, if there is no pose, or if another
+    axis moved further."""
     if not np.isfinite(moved).any():
         raise InputError("no row has a pose; see the statuses of `facets solve` or `facets replay`")
     main = LETTERS.index(axis)

@@ -98,17 +98,22 @@ class DoubleIntegrals(RayModel):
     """The same model with double integrals, as in the paper."""
 
     def light(self, q: Floats, start: Floats, opening: Floats) -> tuple[Floats, Floats]:
+        """The fraction (n,) of the light in wedges and its centroid (n, 2), in sigmas. q: (n, 2).
+        start, opening: (n,), rad."""
         wedges = zip(q, start, opening, strict=True)
         moments = np.array([moments_of_wedge(*wedge) for wedge in wedges])
         return moments[:, 0], moments[:, 1:]
 
 
 def moments_of_wedge(q: Floats, start: float, opening: float) -> tuple[float, float, float]:
-    """Mass and centroid of a Gaussian beam over a wedge from q, in sigmas."""
+    """Mass and centroid (x, y) of a Gaussian beam over a wedge from q, in sigmas."""
     from scipy.integrate import dblquad
 
     def integral(weight: Callable[[float, float], float]) -> float:
+        """The integral of a weight over the wedge, by numerical integration."""
+
         def integrand(s: float, angle: float) -> float:
+            """The weight times the beam's density at a distance from q and an angle."""
             x, y = q[0] + s * cos(angle), q[1] + s * sin(angle)
             return s * weight(x, y) * exp(-(x * x + y * y) / 2) / (2 * pi)
 

@@ -51,7 +51,7 @@ Function = Callable[[Floats], Floats]
 
 
 def states_in_range(count: int, seed: int) -> Floats:
-    """Random states whose three spots lie on their detectors."""
+    """Random states (count, 8), mm and rad, whose three spots lie on their detectors."""
     half = np.array([0.1, 0.1, 6.0, 12e-3, 12e-3, 24e-3, 0.05, 0.05])
     rng = np.random.default_rng(seed)
     states: list[Floats] = []
@@ -70,15 +70,18 @@ def solve_by_scipy(model: Function, readings: Floats) -> Floats:
     from scipy.optimize import fsolve
 
     def first_eight(unknowns: Floats) -> Floats:
+        """The first eight readings (n, 8) at scaled unknowns (n, 8)."""
         return model(unknowns * SCALE)[:, :8]
 
     def slopes(x: Floats, _: Floats) -> Floats:
-        """Differences from nine states in one call, which takes a vectorised model little time."""
+        """The derivatives (8, 8), from nine states in one call, which takes a vectorised model
+        little time."""
         values = first_eight(np.vstack([x, x + STEP * np.eye(8)]))
         differences: Floats = (values[1:] - values[0]).T / STEP
         return differences
 
     def residual(x: Floats, reading: Floats) -> Floats:
+        """The differences (8,) of the first eight readings."""
         differences: Floats = first_eight(x[None])[0] - reading[:8]
         return differences
 
@@ -88,6 +91,7 @@ def solve_by_scipy(model: Function, readings: Floats) -> Floats:
 
 
 def has_compiler() -> bool:
+    """Whether a compiler of C is installed."""
     return shutil.which(COMPILER) is not None
 
 
@@ -118,6 +122,7 @@ def poses_by_c(readings: Floats) -> Floats:
 
 
 def call_c(loop: str, rows: Floats, width: int) -> Floats:
+    """Results (n, width) of a loop of the exported C code for rows (n, ...)."""
     rows, results = np.ascontiguousarray(rows), np.empty((len(rows), width))
     pointers = (ctypes.c_void_p(array.ctypes.data) for array in (rows, results))
     getattr(exported_c(), loop)(*pointers, ctypes.c_long(len(rows)))

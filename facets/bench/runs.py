@@ -48,6 +48,7 @@ def run_ways(folder: Path, rows: Floats) -> list[Contender]:
 
 
 def solution_of_table(folder: Path, ending: str, rows: Floats) -> Contender:
+    """The contender that solves a table of readings in the format of this ending."""
     config, table = load("paper"), folder / f"readings{ending}"
     write_table(table, dict(zip(READING_COLUMNS, rows[:, :9].T, strict=True)), {})
 
@@ -58,6 +59,7 @@ def solution_of_table(folder: Path, ending: str, rows: Floats) -> Contender:
 
 
 def replay_of_recording(folder: Path, rows: Floats) -> Contender:
+    """The contender that solves a recording again and writes a table."""
     config, recording = load("bench"), folder / "recording"
     counts = readings_to_counts(
         config.sensor, config.electronics, readings(config.sensor, 0.1 * rows[:, 9:])
@@ -82,6 +84,8 @@ def first_use_ways() -> list[Contender]:
 
 
 def run_first(expression: str, _: Floats) -> None:
+    """Run an expression in a new process with an empty folder of compiled code; raises
+    `CalledProcessError` if it fails."""
     code = f"import facets; sensor = facets.Sensor(); {expression}"
     with tempfile.TemporaryDirectory() as empty:
         subprocess.run(

@@ -1,4 +1,7 @@
-"""The table of `facets bench`: each method's processor time per pose, and its error."""
+"""The table of `facets bench`: each method's processor time per pose, and its error.
+
+Rows (n, 17) are readings (9) in mm and mW, and their states (8) in mm and rad.
+"""
 
 from __future__ import annotations
 
@@ -105,14 +108,14 @@ def slower_rows(table: list[Row]) -> Iterator[str]:
 
 
 def reading_errors(way: Contender, rows: Floats) -> Row:
-    """The largest error of a place."""
+    """The largest error of a place, mm, as columns of the table."""
     some = rows[: min(CHECKED_READINGS, way.poses)]
     off = np.abs(way.work(some) - exact_readings(some[:, 9:])).reshape(-1, 3, 3)
     return {"error_mm": float(off[:, :, :2].max()), "error_rad": np.nan}
 
 
 def pose_errors(way: Contender, rows: Floats) -> Row:
-    """The largest errors of a length and of an angle."""
+    """The largest errors of a length, mm, and of an angle, rad, as columns of the table."""
     some = rows[: min(CHECKED_POSES, way.poses)]
     off = np.abs(way.work(some) - some[:, 9:]).max(axis=0)
     return {"error_mm": off[[0, 1, 2, 6, 7]].max(), "error_rad": off[3:6].max()}
@@ -143,6 +146,7 @@ def exact_readings(states: Floats) -> Any:
 
 
 def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], Floats]:
+    """Make a function of rows from a function of one row."""
     return lambda rows: np.array([function(row) for row in rows])
 
 
@@ -162,12 +166,15 @@ def pose_ways(poses: int, few: int) -> list[Contender]:
     """Methods that compute states from exact readings, with eight unknowns."""
 
     def solve_near(rows: Floats) -> Floats:
+        """Poses from a start next to the solution."""
         return solve(SENSOR, rows[:, :9], start=rows[:, 9:] + 1e-6, covariance=False).state
 
     def invert_as_paper(rows: Floats) -> Floats:
+        """Poses by the paper's method."""
         return solve(SENSOR, rows[:, :9], method="paper").state
 
     def fsolve(model: Callable[[Floats], Floats]) -> Callable[[Floats], Floats]:
+        """Make a function that solves with SciPy and a model of the readings."""
         return lambda rows: solve_by_scipy(model, rows[:, :9])
 
     prepared = Solver(SENSOR)
@@ -194,6 +201,7 @@ def light_tasks(rows: Floats, seed: int) -> dict[str, list[Contender]]:
     noise *= np.tile([1.0, 1.0, 0.0], 3)
 
     def noisy_solve(sensor: Sensor) -> Callable[[Floats], Any]:
+        """Make a function that solves the noisy readings of a sensor."""
         noisy = readings(sensor, states) + noise
         return lambda some: solve(sensor, noisy[: len(some)])
 

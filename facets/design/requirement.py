@@ -149,6 +149,7 @@ class Requirement:
 
     @property
     def error_groups(self) -> list[str]:
+        """The names of the constraints on the pose's errors."""
         return [f"error of {POSE[i]}" for i in self.accuracy_axes]
 
 
@@ -170,6 +171,7 @@ def worst_places_of(requirement: Requirement, sensor: Sensor) -> Floats:
     span, wide = span_of(requirement.layout), wide_axes(requirement.layout)
 
     def values(fractions: Floats) -> Floats:
+        """The margins (n, ...) at fractions (n, d) of the volume's sides."""
         return margins_of(replace(requirement, states=fractions @ span), sensor)
 
     places, _ = worst_places(values, volume_fractions(wide), wide)

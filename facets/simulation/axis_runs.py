@@ -72,8 +72,8 @@ def run_states(motion: Runs, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def command_columns(motion: Runs) -> dict[str, Floats]:
-    """The commanded positions as a table for `facets axis`: the component of the pose that changes
-    most, in mm or mrad, and the direction of approach."""
+    """The commanded positions (dwells,) as a table for `facets axis`: the component of the pose
+    that changes most, in mm or mrad, and the direction of approach."""
     points = way_points(motion)
     way = np.array(motion.stop) - np.array(motion.start)
     main = int(np.argmax(np.abs(way[:6] / np.array(STATE_UNITS[:6]))))

@@ -1,4 +1,7 @@
-"""The states of a configured motion."""
+"""The states of a configured motion.
+
+Functions named `..._states` return times (n,), s, and states (n, 8), mm and rad.
+"""
 
 from __future__ import annotations
 
@@ -96,7 +99,9 @@ def shaker_force(motion: Motion, rng: np.random.Generator) -> Floats | None:
 
 
 def read_motion_table(file: Path, rate: float) -> tuple[Floats, Floats]:
-    """Read states from a table with some of the columns tx_mm ... by_mm; absent ones are zero."""
+    """Read states from a table with some of the columns tx_mm ... by_mm; absent ones are zero.
+    Returns times (n,), s, and states (n, 8), mm and rad; raises `InputError` for a malformed
+    table."""
     times, parts, rows = [], [], 0
     for chunk in read_chunks(file, optional=(*STATE_COLUMNS, "time_s")):
         if not any(name in chunk.columns for name in STATE_COLUMNS):

@@ -84,6 +84,7 @@ class AxisErrors:
 
     @property
     def is_varied(self) -> bool:
+        """Whether the error differs over the range."""
         return self.high > self.low
 
 

@@ -80,7 +80,8 @@ class Walk:
         self.searched: set[tuple[int, bytes]] = set()
 
     def least(self, objective: int, most: Floats, start: Floats | End) -> End | None:
-        """Minimise one objective with all costs at most `most`; None if no design is found."""
+        """Minimise one objective with all costs at most `most` (objectives,); None if no design is
+        found."""
         trade = self.trade
         problem = replace(trade.problem, objective=Objective({trade.objectives[objective]: 1.0}))
         guess, rows_before = (
@@ -98,13 +99,14 @@ class Walk:
                    active_constraints(problem, problem.rows.subset(rows), result))  # fmt: skip
 
     def anywhere(self) -> Floats:
-        """Return the unknowns of a random design within the bounds."""
+        """Return the unknowns (p,) of a random design within the bounds."""
         problem = self.trade.problem
         fractions = self.rng.random(len(problem.names))
         return self.trade.guess(problem.low + fractions * (problem.high - problem.low))
 
     def end_of(self, objective: int) -> End | None:
-        """Minimise one objective and then, at its best value, the others."""
+        """Minimise one objective and then, at its best value, the others; None if no design is
+        found."""
         count = len(self.trade.objectives)
         free = np.full(count, np.inf)
         searched = [self.least(objective, free, self.anywhere()) for _ in range(STARTS)]
@@ -119,7 +121,8 @@ class Walk:
         return best
 
     def follow(self, bounds: Floats, ends: list[End], on_progress: OnProgress) -> list[End | None]:
-        """Minimise the first objective for each row of bounds.
+        """Minimise the first objective for each row of bounds (points, objectives); None for a row
+        without a design.
 
         If a row has no design, tighter bounds are only searched from a neighbour's design.
         """
@@ -161,7 +164,8 @@ class Walk:
     def improve(
         self, previous: End | None, n: int, most: Floats, starts: Sequence[Floats | End]
     ) -> End | None:
-        """Return the best of point n's previous result and the results from the starts."""
+        """Return the best of point n's previous result and the results from the starts; None if
+        there is none."""
         candidates = [previous]
         for start in starts:
             key = n, (start.unknowns if isinstance(start, End) else start).tobytes()
@@ -172,7 +176,8 @@ class Walk:
 
 
 def best_of(ends: list[End | None], objective: int) -> End | None:
-    """The result with the least value of an objective; the first of equal ones."""
+    """The result with the least value of an objective; the first of equal ones. None if there is
+    none."""
     best = None
     for end in ends:
         if end is not None and (
@@ -202,8 +207,8 @@ def pareto_front(
 
 
 def bounds_between(ends: list[End], first: int, count: int) -> Floats:
-    """Return rows of bounds, evenly spaced over the front's extent in all objectives except the
-    first, whose bound is infinite; consecutive rows are neighbours."""
+    """Return rows of bounds (points, objectives), evenly spaced over the front's extent in all
+    objectives except the first, whose bound is infinite; consecutive rows are neighbours."""
     costs = np.array([end.costs for end in ends])
     others = [n for n in range(costs.shape[1]) if n != first]
     side = round(count ** (1 / len(others)))

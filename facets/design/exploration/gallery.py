@@ -29,7 +29,8 @@ Table = dict[str, NDArray[Any]]
 
 
 def present_design(space: Space) -> tuple[Floats, Floats, str]:
-    """Return the present sensor's variables, its measures, and the reason if some are missing."""
+    """Return the present sensor's variables (names,), its measures, and the reason if some are
+    missing."""
     fixed = replace(space, layout=replace(space.layout, variables={}))
     why, values = measure_design(fixed, np.empty(0))
     now = present_values(space.sensor)
@@ -37,7 +38,7 @@ def present_design(space: Space) -> tuple[Floats, Floats, str]:
 
 
 def spread_numbers(count: int, most: int) -> NDArray[np.int64]:
-    """Return at most `most` numbers below `count`, evenly spaced."""
+    """Return (m,) at most `most` numbers below `count`, evenly spaced."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
 
 
@@ -76,7 +77,7 @@ def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, li
 
 
 def choose_others(space: Space, front: Table, others: Table) -> NDArray[np.int64]:
-    """Row numbers of some designs that have all objectives and are not on the front."""
+    """Row numbers (m,) of some designs that have all objectives and are not on the front."""
     complete = np.all([np.isfinite(others[n]) for n in space.objectives], axis=0)
     candidates = np.flatnonzero(complete & ~np.isin(others["design"], front.get("design", [])))
     return candidates[spread_numbers(len(candidates), OTHERS)] if len(candidates) else candidates
@@ -94,7 +95,7 @@ def round_designs(space: Space, rows: Floats) -> Floats:
 
 
 def round_to_steps(space: Space, x: Floats) -> Floats:
-    """Round a design to manufacturable values."""
+    """Round a design (names,) to manufacturable values."""
     low, high = np.array([space.layout.variables[name] for name in space.names]).T
     return nearest_steps(space.names, x, low, high)
 
@@ -124,7 +125,7 @@ def best_of(table: Table, objectives: list[str], mask: Booleans) -> Table:
 
 def choose_design(settings: Config, space: Space, file: Path, number: int) -> Floats:
     """Read the variables of one design from the front.csv or pareto.csv of an earlier run of the
-    configuration. Raises `InputError`."""
+    configuration: (names,), in the units of their names. Raises `InputError` if there is none."""
     if not file.is_file():
         raise InputError(f"{file}: no such file; run `facets explore` first, or name its folder "
                          "by --folder")  # fmt: skip
@@ -134,7 +135,8 @@ def choose_design(settings: Config, space: Space, file: Path, number: int) -> Fl
 
 
 def read_design(file: Path, key: str, names: list[str], number: int) -> Floats:
-    """Read the named variables of the row with this number in the column `key`."""
+    """Read the named variables of the row with this number in the column `key`: (names,). Raises
+    `InputError` if there is none."""
     table = join_columns([chunk.columns for chunk in read_chunks(file, [key, *names])])
     rows = np.flatnonzero(table[key] == number)
     if not len(rows):
@@ -144,8 +146,8 @@ def read_design(file: Path, key: str, names: list[str], number: int) -> Floats:
 
 
 def make_buildable(space: Space, x: Floats) -> tuple[Floats, list[str]]:
-    """Round a design to manufacturable values if it remains valid; also return sentences on the
-    loss, or on the reason for not rounding."""
+    """Round a design (names,) to manufacturable values if it remains valid; also return sentences
+    on the loss, or on the reason for not rounding."""
     rounded = round_to_steps(space, x)
     (_, exact), (why, values) = measure_design(space, x), measure_design(space, rounded)
     if why:

@@ -76,6 +76,7 @@ def prepare(folder: Path, space: Space, force: bool = False) -> None:
 def write_part(
     space: Space, folder: Path, first: int, table: dict[str, Any], about: dict[str, str]
 ) -> None:
+    """Write the measured designs of a part, the first of which has this number, to its file."""
     prepare(folder, space)  # another process may have been faster
     write_table(part_path(folder, first), table, about | search_of(space))
 
@@ -105,6 +106,7 @@ def explore(
 
 
 def part_path(folder: Path, first: int) -> Path:
+    """The file of the part whose first design has this number."""
     return folder / "parts" / f"{first:010d}.parquet"
 
 
@@ -145,6 +147,7 @@ def serve(parent: int) -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
 
     def watch() -> None:
+        """End the process when its parent has ended."""
         while os.getppid() == parent:
             time.sleep(PARENT_CHECK_INTERVAL_S)
         os._exit(1)
@@ -192,7 +195,7 @@ def parts_in(folder: Path) -> list[Path]:
 
 
 def collect(folder: Path) -> dict[str, NDArray[Any]]:
-    """Join the existing parts, in the designs' order."""
+    """Join the existing parts, in the designs' order. Raises `InputError` if there are none."""
     files = parts_in(folder)
     if not files:
         raise InputError(f"{folder}: holds no designs")
@@ -200,8 +203,8 @@ def collect(folder: Path) -> dict[str, NDArray[Any]]:
 
 
 def collect_older(space: Space, folder: Path) -> dict[str, NDArray[Any]] | None:
-    """Read the designs of an earlier run in a folder; None if they lack the space's variables or
-    objectives."""
+    """Read the designs of an earlier run in a folder; None if there are none, or if they lack the
+    space's variables or objectives."""
     if not parts_in(folder):
         return None
     table = collect(folder)

@@ -76,6 +76,7 @@ class Space:
 
     @property
     def names(self) -> list[str]:
+        """The names of the variables."""
         return list(self.layout.variables)
 
     @cached_property
@@ -121,7 +122,7 @@ def designs(space: Space) -> Floats:
 
 @lru_cache(1)  # one table serves all parts of a worker
 def draw(bounds: tuple[tuple[float, float], ...], count: int, seed: int) -> Floats:
-    """Draw designs within bounds by a Sobol' sequence."""
+    """Draw designs (count, variables) within bounds by a Sobol' sequence."""
     fractions = Sobol(len(bounds), np.random.default_rng(seed)).draw(count)
     low, high = np.array(bounds).T
     values: Floats = low + fractions * (high - low)
@@ -135,7 +136,7 @@ def saturates(sensor: Sensor, states: Floats) -> bool:
 
 
 def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
-    """Whether the design meets all the layout's requirements at states of the volume."""
+    """Whether the design meets all the layout's requirements at states (n, 8) of the volume."""
     if 2 * max(psd.radius for psd in sensor.psds) > layout.head:
         return False
     if saturates(sensor, states):
@@ -160,7 +161,7 @@ def reason_at_rest(space: Space, sensor: Sensor) -> int:
 
 def measure_design(space: Space, x: Floats, tolerance: float = FINE_ENOUGH) -> tuple[int, Floats]:
     """Measure a design; return the number in SKIPPED of the reason to skip it, or 0, and its
-    measures, which are NaN as far as they were not computed.
+    measures (MEASURES,), which are NaN as far as they were not computed.
 
     tolerance: of its ranges, in units of `ranges.FARTHEST_MM_RAD`.
     """
@@ -215,8 +216,8 @@ def part_of(space: Space, first: int) -> dict[str, Any]:
 
 
 def front(table: dict[str, NDArray[Any]], objectives: Sequence[str]) -> Booleans:
-    """Whether no other design is at least as good in all objectives; ranges are maximised, others
-    minimised."""
+    """Whether, (designs,), no other design is at least as good in all objectives; ranges are
+    maximised, others minimised."""
     signs = [-1.0 if name.startswith("range") else 1.0 for name in objectives]
     costs = np.stack([s * table[n] for s, n in zip(signs, objectives, strict=True)], axis=1)
     best = np.zeros(len(costs), dtype=bool)

@@ -78,10 +78,11 @@ class Designs(NamedTuple):
     rules: Rules
 
     def subset(self, which: Any) -> Designs:
+        """Some of the designs."""
         return self._replace(vectors=self.vectors[which], limits=self.limits[which])
 
     def evaluate_rest(self, name: str) -> Floats:
-        """Compute each design's readings, derivatives or footprints at rest."""
+        """Compute each design's readings, derivatives or footprints at rest, (designs, ...)."""
         owner = np.arange(len(self.vectors))
         return evaluate(name, self.vectors, owner, np.zeros((len(owner), 8)))
 
@@ -168,6 +169,7 @@ def symmetric_ranges(some: Designs, tolerance: float) -> Floats:
     """
 
     def margins_at(distance: Floats, ray: Integers) -> Floats:
+        """The margins (n, ...) at distances (n,) along the rays of these numbers."""
         owner, way = np.divmod(ray, len(AXIS_RAYS))
         return some.margins(owner, distance[:, None] * AXIS_RAYS[way])
 

@@ -3,6 +3,9 @@
 Its unknowns are the variables and the objectives themselves. Within a range the spots stay on their
 detectors with enough light; this is required at both ends and at a few positions between.
 Uncertainties and the head's size are slacks above their least values.
+
+The p unknowns are the variables, as fractions of their bounds, and then the objectives over their
+scales.
 """
 
 from __future__ import annotations
@@ -54,17 +57,20 @@ class Trade:
     signs: Floats
 
     def costs(self, unknowns: Floats) -> Floats:
-        """Return the objectives over their scales, with the sign with which each is minimised."""
+        """Return the objectives (objectives,) over their scales, with the sign with which each is
+        minimised."""
         costs: Floats = self.signs * unknowns[len(self.problem.names) :]
         return costs
 
     def costs_of_measures(self, values: Floats) -> Floats:
+        """Return the costs (..., objectives) of measures (..., MEASURES), as `costs` does."""
         places = [MEASURES.index(name) for name in self.objectives]
         costs: Floats = self.signs * values[..., places] / self.scales
         return costs
 
     def bounds(self, most: Floats) -> tuple[Floats, Floats]:
-        """Return the bounds of the unknowns with no cost above `most`, which may be infinite."""
+        """Return the bounds, two arrays (p,), of the unknowns with no cost above `most`, which may
+        be infinite."""
         low, high = self.problem.bounds()
         n = len(self.problem.names)
         high[n:] = np.where(self.signs > 0, most, np.inf)
@@ -72,7 +78,8 @@ class Trade:
         return low, high
 
     def guess(self, x: Floats) -> Floats:
-        """Return the unknowns at a design, given in the units of the variables' names."""
+        """Return the unknowns (p,) at a design (variables,), given in the units of the variables'
+        names."""
         _, values = measure_design(self.space, x)
         costs = np.abs(self.costs_of_measures(values))
         shares = (x - self.problem.low) / (self.problem.high - self.problem.low)
@@ -105,6 +112,8 @@ def trade_of(space: Space) -> Trade:
     states = states_of(space, ranges)
 
     def constrain(unknowns: Floats, points: Floats) -> list[Constraint]:
+        """List the constraints at unknowns (n, p) and points (m, ...) of the volume and of the
+        ranges."""
         variables = space.layout.variables
         halves = {
             name: scales[name] * unknowns[:, len(variables) + n, None] / 2

@@ -39,6 +39,7 @@ def quadratic_model(problem: LayoutProblem, differences: Differences) -> Quadrat
     slopes[:, problem.places] = differences.slopes()
 
     def curvature(weights: Floats) -> Floats:
+        """The Hessian (unknowns, unknowns) of the sum of the rows with weights (r,)."""
         hessian = np.zeros((problem.count, problem.count))
         of_sum = Differences(differences.steps, differences.values @ weights)
         hessian[np.ix_(problem.places, problem.places)] = of_sum.hessian()
@@ -66,7 +67,7 @@ def expand_objective(problem: LayoutProblem, unknowns: Floats) -> QuadraticModel
 
 
 def cost(problem: LayoutProblem, aim: str, unknowns: Floats) -> tuple[float, Floats, Floats]:
-    """Return the value of one aim, its slopes and its Hessian."""
+    """Return the value of one aim, its slopes (unknowns,) and its Hessian (unknowns, unknowns)."""
     if aim == "mean-resolution":
         states = problem.states[: problem.objective.state_count]
         around = problem.formula.expand(unknowns[problem.places], states)
@@ -94,13 +95,16 @@ class RestrictedProblem:
 
     @property
     def unknowns(self) -> int:
+        """The number of unknowns, with those by which an elastic problem relaxes its groups."""
         return self.problem.count + self.elastic * len(self.problem.groups)
 
     @property
     def constraints(self) -> int:
+        """The number of constraints."""
         return len(self.rows)
 
     def objective(self, x: Floats) -> QuadraticModel:
+        """The objective at unknowns x; for an elastic problem the sum of the relaxations."""
         n, size = self.problem.count, len(x)
         if not self.elastic:
             return expand_objective(self.problem, x)
@@ -108,6 +112,7 @@ class RestrictedProblem:
         return QuadraticModel(x[n:].sum()[None], slopes[None], lambda _: np.zeros((size, size)))
 
     def limits(self, x: Floats) -> QuadraticModel:
+        """The constraints at unknowns x, which must not be negative."""
         n, more = self.problem.count, len(x) - self.problem.count
         model = expand_rows(self.problem, x[:n], self.rows)
         if not self.elastic:
@@ -120,6 +125,7 @@ class RestrictedProblem:
         )
 
     def values(self, x: Floats) -> Floats:
-        """Return the values of all constraints of the problem."""
+        """Return the values of all constraints of the problem at unknowns x, also those not among
+        the rows."""
         values = self.problem.values(x[: self.problem.count])
         return values + x[self.problem.count :][self.problem.rows.group] if self.elastic else values

@@ -58,21 +58,28 @@ class ArrayFunction(ca.Callback):
         self.construct(name, {})
 
     def get_n_in(self) -> int:
+        """The number of arguments, for casadi."""
         return len(self.rows)
 
     def get_n_out(self) -> int:
+        """The number of results, for casadi."""
         return len(self.shapes)
 
     def get_sparsity_in(self, i: int) -> Any:
+        """The shape of an argument, for casadi."""
         return ca.Sparsity.dense(self.rows[i], 1)
 
     def get_sparsity_out(self, i: int) -> Any:
+        """The shape of a result, for casadi."""
         return self.shapes[i]
 
     def has_eval_buffer(self) -> bool:
+        """Whether casadi calls `eval_buffer`."""
         return True
 
     def eval_buffer(self, arguments: Any, results: Any) -> int:
+        """Compute the results from buffers of the arguments; returns 0, casadi's code for
+        success."""
         inputs = [np.frombuffer(each) if each is not None else np.empty(0) for each in arguments]
         for place, numbers in zip(results, self.compute(*inputs), strict=True):
             if place is not None:
@@ -95,20 +102,24 @@ class Pieces:
         self.curvature = ArrayFunction("curvature", [n, 0, 1, m], triangle, self.hessian)
 
     def compute(self, x: Floats) -> None:
+        """Evaluate objective and constraints at x, unless that was the last place."""
         if (where := x.tobytes()) != self.where:
             self.cost = self.problem.objective(x)
             self.limits = self.problem.limits(x)
             self.where = where
 
     def values(self, x: Floats) -> list[Any]:
+        """The objective and the constraints."""
         self.compute(x)
         return [self.cost.values, self.limits.values]
 
     def gradient(self, x: Floats, _: Floats) -> list[Any]:
+        """The objective and its slopes."""
         self.compute(x)
         return [self.cost.values, self.cost.slopes[0]]
 
     def jacobian(self, x: Floats, _: Floats) -> list[Any]:
+        """The constraints and their slopes, column by column."""
         self.compute(x)
         return [self.limits.values, self.limits.slopes.T.ravel()]
 
@@ -138,6 +149,7 @@ def minimise(
 def search(
     problem: RestrictedProblem, start: Floats, bounds: tuple[Floats, Floats], near: bool, steps: int
 ) -> SolverResult:
+    """Minimise as `minimise` does, without handling of interrupts."""
     pieces = Pieces(problem)
     x = ca.MX.sym("x", problem.unknowns)
     f, g = pieces.both(x)
@@ -173,6 +185,7 @@ def run_interruptibly(solve: Callable[[], SolverResult]) -> SolverResult:
     signals: list[int] = []
 
     def interrupt(number: int, _: FrameType | None) -> None:
+        """Keep the signal, and interrupt the search."""
         signals.append(number)
         raise KeyboardInterrupt
 

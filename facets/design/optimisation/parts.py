@@ -52,6 +52,7 @@ class PartsChoice:
 
     @property
     def names(self) -> list[str]:
+        """The names of the chosen parts."""
         return [name for (name,) in self.parts]
 
 

@@ -4,6 +4,9 @@ A slack variable bounds the largest value of a quantity over the volume, and the
 (minimax). The requirements on a layout are named constraints, so that the search can report which
 of them limit the best layout, or which cannot be met. A constraint is one output of the formula at
 one state; the search passes only the relevant ones to IPOPT (`search`).
+
+Unknowns are arrays (p,): the variables as fractions of their bounds, then the extras; constraints
+are rows (r,).
 """
 
 from __future__ import annotations
@@ -167,8 +170,8 @@ class LayoutProblem:
         return len(self.names) + len(self.extras)
 
     def first_guess(self, start: Floats) -> Floats:
-        """Return the unknowns at a start, with slacks just above their least values and a small
-        scale."""
+        """Return the unknowns (p,) at a start (variables,), with slacks just above their least
+        values and a small scale."""
         fractions = (start - self.low) / (self.high - self.low)
         return self.fill_slacks(np.append(fractions, [GUESS[aim] for aim in self.extras]))
 
@@ -187,7 +190,7 @@ class LayoutProblem:
         return filled
 
     def values_at(self, unknowns: Floats) -> Floats:
-        """Return the variables, in the units of their names."""
+        """Return the variables (variables,), in the units of their names."""
         return self.low + (self.high - self.low) * unknowns[: len(self.names)]
 
     def bounds(self) -> tuple[Floats, Floats]:
@@ -202,7 +205,7 @@ class LayoutProblem:
         return replace(self, rows=replace(self.rows, spare=spare))
 
     def values(self, unknowns: Floats) -> Floats:
-        """Return the values of all constraints; negative values are violations."""
+        """Return the values (r,) of all constraints; negative values are violations."""
         outputs = self.formula.outputs(unknowns[None, self.places], self.states)[
             0, self.rows.state, self.rows.output
         ]
@@ -225,6 +228,7 @@ def add_worst_places(problem: LayoutProblem, unknowns: Floats) -> LayoutProblem:
     within = np.isclose(fractions @ span, problem.states).all(axis=1)
 
     def values(points: Floats) -> Floats:
+        """The margins (n, outputs) at places (n, d) in the volume."""
         outputs = problem.formula.outputs(unknowns[None, problem.places], points @ span)[0]
         margins: Floats = outputs[:, problem.inside] + slacks_less_spare
         return margins
@@ -248,7 +252,7 @@ def add_worst_places(problem: LayoutProblem, unknowns: Floats) -> LayoutProblem:
 
 
 def most_spare(problem: LayoutProblem) -> Floats:
-    """The largest spare of each output that is required over the volume."""
+    """The largest spare (outputs,) of each output that is required over the volume."""
     rows = problem.rows
     return np.array([rows.spare[rows.output == output].max() for output in problem.inside])
 
@@ -256,7 +260,7 @@ def most_spare(problem: LayoutProblem) -> Floats:
 def spare_near(
     problem: LayoutProblem, places: Floats, fractions: Floats, outputs: Integers
 ) -> Floats:
-    """Return the spare of each output at each place: that of the nearest state."""
+    """Return the spare (n,) of each output at each place: that of the nearest state."""
     spares = np.empty(len(places))
     for n, (place, output) in enumerate(zip(places, outputs, strict=True)):
         rows = np.flatnonzero(problem.rows.output == output)

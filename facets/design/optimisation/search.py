@@ -64,6 +64,7 @@ class Optimum:
 
     @property
     def best(self) -> StartResult:
+        """The best result."""
         return self.results[0]
 
 
@@ -138,12 +139,13 @@ def starts_of(problem: LayoutProblem, count: int, seed: int) -> Floats:
 
 
 def solve_from_present(sensor: Sensor, layout: Layout) -> StartResult:
+    """Solve from the present layout only."""
     problem = problem_of(sensor, layout)
     return solve_from(problem, starts_of(problem, 1, 0)[0])
 
 
 def nearest(problem: LayoutProblem, values: Floats, most: int) -> NDArray[np.int64]:
-    """The numbers of the `most` rows of each group with the least values, NaN first."""
+    """The numbers (m,) of the `most` rows of each group with the least values, NaN first."""
     sortable = np.where(np.isnan(values), -np.inf, values)
     nearest_rows = []
     for group in range(len(problem.groups)):
@@ -209,8 +211,8 @@ def solve(
 
 
 def settle(problem: LayoutProblem, unknowns: Floats) -> tuple[LayoutProblem, Floats]:
-    """Return the problem with the volume's worst states added, and the unknowns with slacks that
-    hold there."""
+    """Return the problem with the volume's worst states added, and the unknowns (p,) with slacks
+    that hold there."""
     exact = problem.fill_slacks(unknowns, spare=1.0)
     wider = add_worst_places(problem, exact)
     return wider, exact if wider is problem else wider.fill_slacks(exact, spare=1.0)
@@ -219,7 +221,7 @@ def settle(problem: LayoutProblem, unknowns: Floats) -> tuple[LayoutProblem, Flo
 def active_rows(
     problem: LayoutProblem, rows: NDArray[np.int64], result: SolverResult
 ) -> NDArray[np.int64]:
-    """Return the numbers of the active constraints among IPOPT's."""
+    """Return the numbers (m,) of the active constraints among IPOPT's."""
     top = result.limits.max(initial=0.0)
     restricted: NDArray[np.int64] = rows[result.limits > ACTIVE * top]
     return restricted
@@ -288,6 +290,7 @@ def objective_at(problem: LayoutProblem, x: Floats, slack: float = SLACK) -> flo
 
 
 def objective_of(problem: LayoutProblem, unknowns: Floats) -> float:
+    """The objective's value at unknowns (p,)."""
     return float(expand_objective(problem, unknowns).values[0])
 
 

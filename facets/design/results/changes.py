@@ -73,6 +73,7 @@ def changes_of(settings: Config, sensor: Sensor) -> list[tuple[str, Any, Any]]:
 
 
 def changed_paths(new: dict[str, Any], old: Any, prefix: str = "") -> Any:
+    """Yield the path, the old and the new value of each changed key."""
     for key, value in new.items():
         # the old value of a common key is that of a
         before = old.get(key, old["a"].get(key) if "a" in old else None)
@@ -153,6 +154,7 @@ def write_design(
 
 
 def document(base: str, keys: dict[str, Any], remarks: dict[str, str]) -> str:
+    """The YAML text of changed keys, with remarks as comments."""
     from ruamel.yaml import YAML
 
     stream = StringIO()

@@ -95,6 +95,7 @@ def change_rows(settings: Config, sensor: Sensor, made: Rounded | None, names: l
 
 
 def value_text(value: Any) -> str:
+    """A value as text, floats with seven digits."""
     return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
@@ -111,6 +112,7 @@ def roundings(made: Rounded | None, names: list[str]) -> dict[str, str]:
 
 
 def comparison_rows(table: dict[str, Any]) -> Rows:
+    """Headings and rows of a comparison before and after the search."""
     headings = ["quantity", "before", "after", "after / before", "simulated"]
     rows = []
     for quantity, before, after, simulated_value in zip(*table.values(), strict=True):

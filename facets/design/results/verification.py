@@ -43,6 +43,8 @@ def worst_states(sensor: Sensor, layout: Layout, rng: np.random.Generator) -> Fl
     from the worst of these."""
 
     def values(places: Floats) -> Floats:
+        """Quantities (n, ...) of which the least over places (n, 8) are searched: negative
+        uncertainties, distances, powers and negative condition numbers."""
         states = mirror_states(places, layout.object, layout.following)
         distances = np.nan_to_num(margins(sensor, states)[:, :, :4].reshape(-1, 12), nan=-LOST)
         fine = np.nan_to_num(uncertainties(sensor, states, FREE, layout.object), nan=LOST)

@@ -71,6 +71,7 @@ class Assembly:
 
     @property
     def nominal(self) -> Floats:
+        """The values (ALL,) of the nominal sensor."""
         return values_of(self.sensor)
 
     def values(self, z: Floats) -> Floats:
@@ -142,6 +143,7 @@ def measure_rig(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data
 
 
 def calibrate_head(built: Assembly, head: Sensor, rng: np.random.Generator) -> Fit:
+    """Simulate the measurement of a head, and fit a sensor to it."""
     data = measure_rig(built, head, rng)
     return fit(built.sensor, data, built.choice, None, rule=ENDING)
 

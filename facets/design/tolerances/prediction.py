@@ -130,13 +130,16 @@ def error_slopes(built: Assembly) -> tuple[Floats, Floats]:
 
 
 def head_at(built: Assembly, n: int, step: float) -> Sensor:
+    """The head whose unknown n deviates by some standard uncertainties; raises `InputError` if that
+    is no sensor."""
     z = np.zeros(len(built.choice.names))
     z[n] = step
     return built.head(z)
 
 
 def calibration_of(built: Assembly) -> tuple[Floats, Floats]:
-    """C and M^1/2 of a calibration with the assembly's motion, in units of the tolerances."""
+    """C and M^1/2 (p, p) of a calibration with the assembly's motion, in units of the
+    tolerances."""
     states = np.concatenate([built.poses, np.zeros((len(built.poses), 2))], axis=1)
     data = Data(readings(built.sensor, states), built.poses, built.reference, states[:, 6:])
     sigma = built.choice.sigma
@@ -157,6 +160,7 @@ class Draws:
 
 
 def draw_heads(built: Assembly) -> Draws:
+    """Draw the random numbers of heads and of their calibrations, the same in every call."""
     rng = np.random.default_rng(SEED)
     heads, noise = rng.normal(size=(2, HEADS, len(built.choice.names)))
     return Draws(heads * built.varies, noise)

@@ -113,8 +113,8 @@ def spare_of(problem: LayoutProblem, expansion: Expansion, factor: float) -> Flo
 
 
 def problem_units(problem: LayoutProblem, built: Assembly, spread: Floats) -> Floats:
-    """Convert standard deviations of `requirement.margins_of` to the units of the problem's
-    constraints, whose clearances have another unit of length."""
+    """Convert standard deviations (n, margins) of `requirement.margins_of` to the units of the
+    problem's constraints, whose clearances have another unit of length."""
     converted = spread.copy()
     psds = built.sensor.psds
     for k, psd in enumerate(psds):
