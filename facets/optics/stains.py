@@ -1,16 +1,16 @@
 """Light that dust, chips and stains take from a facet, as a smooth function of the apex's place.
 
-A facet that lacks the fraction r(p) of its reflectance at places p from the apex loses the light
-L(q) = integral f(q + p) r(p), of a beam with the standard normal density f, all lengths in the
-beam's sigmas and q the apex's place in the beam. As grad f(x) = -x f(x), the lost light's first
-moments are -grad L, whatever r is. L is expanded as
+Let a facet lack the fraction r(p) of its reflectance at the position p relative to the apex. It
+then loses the light L(q) = integral f(q + p) r(p). Here f is the beam's standard normal density and
+q the apex's position in the beam; all lengths are in sigmas of the beam. As grad f(x) = -x f(x), the
+lost light's first moments are -grad L for every r. L is expanded as
 
     L(q) = exp(-q^2 / 2) sum c_ab h_a(x) h_b(y),
 
-h_n = He_n / sqrt(n!), with x and y along the world's x and y as the beam's tilt carries them. A
-speck at the distance p has coefficients that fall off as p^n / sqrt(n!): fourth order describes
-what lies within a sigma or so of the apex's path. As d (exp(-x^2 / 2) h_n) = -sqrt(n + 1)
-exp(-x^2 / 2) h_(n+1), the moments are closed, too.
+h_n = He_n / sqrt(n!), with x and y along the world's x and y, tilted with the beam. A speck at the
+distance p has coefficients that decrease as p^n / sqrt(n!), so that fourth order describes specks
+within about a sigma of the apex's path. As d (exp(-x^2 / 2) h_n) = -sqrt(n + 1)
+exp(-x^2 / 2) h_(n+1), the moments have a closed form, too.
 """
 
 from __future__ import annotations

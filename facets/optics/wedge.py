@@ -102,13 +102,13 @@ def wedges(q: Plane, pairs: tuple[Pair, ...]) -> tuple[Moments, ...]:
             closed_moments(q, *pair, mass) for pair, mass in zip(pairs, masses, strict=True)
         )
     limit = FAINT_MASS * (1 + abs(q[0]) + abs(q[1]))
-    faint = tuple((mass <= limit) & (mass <= BRIGHT_MASS) for mass in masses)
+    uses_tail = tuple((mass <= limit) & (mass <= BRIGHT_MASS) for mass in masses)
     bright = tuple(
-        closed_moments(q, *pair, select(is_faint, 1.0, mass))
-        for pair, is_faint, mass in zip(pairs, faint, masses, strict=True)
+        closed_moments(q, *pair, select(in_tail, 1.0, mass))
+        for pair, in_tail, mass in zip(pairs, uses_tail, masses, strict=True)
     )
     arguments = tuple((q, *pair[:2]) for pair in pairs)
-    return where_each(faint, bright, tail_wedge, arguments)
+    return where_each(uses_tail, bright, tail_wedge, arguments)
 
 
 #: Mass over 1 + |q| below which the closed form has lost two digits to cancellation, so that

@@ -54,9 +54,9 @@ class Permit:
     def allows_motion(self, now: float) -> bool | None:
         """Read the permit; False from its first loss on, even if it has come back. None while that
         is unknown."""
-        is_given = self.read(now)
-        self.was_lost |= is_given is False
-        return False if self.was_lost else is_given
+        is_on = self.read(now)
+        self.was_lost |= is_on is False
+        return False if self.was_lost else is_on
 
 
 #: The permit of a stage without an external one.

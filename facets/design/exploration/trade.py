@@ -186,9 +186,9 @@ def trade_constraints(
     """List a design's constraints: its requirements, and the bounds that are the objectives."""
     values = evaluate_layouts(space.sensor, space.names, x, state, space.layout.object)
     fixed, at, outcome, heads = values.fixed, values.at, values.outcome, values.heads
-    given_sizes = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
-    sizes = [(d, d) for d in values.sizes] if "size_mm" in space.names else given_sizes
-    rim, half = space.sensor.apertures.rim, float(np.mean(given_sizes)) / 2
+    present_sizes = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
+    sizes = [(d, d) for d in values.sizes] if "size_mm" in space.names else present_sizes
+    rim, half = space.sensor.apertures.rim, float(np.mean(present_sizes)) / 2
     rims = rim_clearances(fixed, at, rim) if np.isfinite(rim) else []
     return [
         Constraint("mirror's tip in the beam", tip_clearance(at)),

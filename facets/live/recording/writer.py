@@ -129,8 +129,8 @@ class Recording(ClosedAtExit, Sink):
             if name == POSES and self.has_dropped_poses:
                 return False
             error = self.append(name, parts)
-            can_make_room = name != POSES and not self.has_dropped_poses
-            if error and error.errno in FULL and can_make_room:
+            may_drop_poses = name != POSES and not self.has_dropped_poses
+            if error and error.errno in FULL and may_drop_poses:
                 self.drop_poses()
                 error = self.append(name, parts)
             if error:

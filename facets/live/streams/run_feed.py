@@ -45,13 +45,13 @@ class RunFeed(Subscription):
 
         wait_ms: longest time to wait for the first message.
         """
-        parts, statuses, room = list[Rows](), list[dict[str, Any]](), most
-        while room > 0 and not self.ended and (message := self.receive(wait_ms)):
+        parts, statuses, remaining = list[Rows](), list[dict[str, Any]](), most
+        while remaining > 0 and not self.ended and (message := self.receive(wait_ms)):
             topic, *content = message
             wait_ms = 0
             if topic == SAMPLES:
                 parts.append(self.read_rows(*content))
-                room -= len(parts[-1])
+                remaining -= len(parts[-1])
             elif topic == STATUS:
                 statuses.append(json.loads(content[0]))
             elif topic == END:
