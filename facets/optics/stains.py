@@ -2,8 +2,8 @@
 
 Let a facet lack the fraction r(p) of its reflectance at the position p relative to the apex. It
 then loses the light L(q) = integral f(q + p) r(p). Here f is the beam's standard normal density and
-q the apex's position in the beam; all lengths are in sigmas of the beam. As grad f(x) = -x f(x), the
-lost light's first moments are -grad L for every r. L is expanded as
+q the apex's position in the beam; all lengths are in sigmas of the beam. As grad f(x) = -x f(x),
+the lost light's first moments are -grad L for every r. L is expanded as
 
     L(q) = exp(-q^2 / 2) sum c_ab h_a(x) h_b(y),
 
