@@ -1,8 +1,8 @@
-"""Check the arguments of public functions: arrays of numbers by value, others by annotation.
+"""Check the arguments of public functions: arrays by their values, others by their annotations.
 
 Python accepts any argument, and NumPy converts text, complex numbers and masked or missing values
-to numbers. Therefore each public function is decorated with `check_arguments`, and `as_floats`
-converts each of its arrays.
+to numbers without an error. Therefore `check_arguments` decorates each public function, and
+`as_floats` converts its arrays.
 """
 
 from __future__ import annotations
@@ -43,20 +43,21 @@ class Frame:
     """Placeholder for the annotation `DataFrame` of pandas, which no check imports."""
 
 
-#: Placeholders for annotations whose types are not tested as such, or not imported.
+#: Placeholders for annotations of arrays, and of types that are not imported.
 PLACEHOLDERS = {"ArrayLike": Numbers, "Floats": Numbers, "DataFrame": Frame, "Dataset": Any}
 
 
 class NotNumbersError(Exception):
-    """Reason why values are no array of numbers: "has text in it ('1')"; and what is needed."""
+    """Reason why values are no array of numbers, and the allowed form if not the usual one."""
 
 
 def as_floats(values: ArrayLike, what: str, width: int = 0) -> Floats:
     """Convert values to an array of floats; an array of floats is returned unchanged.
 
-    Where a table, or a row of one, has names, the `width` columns that `LABELS` names are taken by
-    name and converted to the units of the code; without a width names do not count. Values under a
-    NumPy mask, None inside a list or a table, and pandas' missing values are NaN.
+    what: name of the values, for messages.  width: number of columns, by which `LABELS` has their
+    names. Columns of a table, or of one of its rows, are then taken by name and converted to the
+    code's units; with a width of 0 names are ignored. Values under a NumPy mask, None inside a list
+    or a table, and pandas' missing values become NaN.
     Raises `InputError` for text, complex numbers, truth values, and rows of different lengths.
     """
     if type(values) is np.ndarray and values.dtype is FLOAT:
@@ -71,12 +72,15 @@ def as_floats(values: ArrayLike, what: str, width: int = 0) -> Floats:
 
 
 def index_of(values: Any) -> Any:
-    """The index of a data frame of pandas; None for other values."""
+    """The index of a pandas data frame; None for other values."""
     return getattr(values, "index", None) if hasattr(values, "columns") else None
 
 
 def require_plausible(values: Floats | float, name: str, what: str) -> None:
-    """Raise `InputError` for numbers that are not plausible in the unit of a column's name."""
+    """Raise `InputError` for numbers that are not plausible in the unit of a column's name.
+
+    what: name of the numbers, for the message.
+    """
     numbers = np.atleast_1d(values)
     wrong = numbers[find_implausible(numbers, name)]
     if len(wrong):
@@ -84,25 +88,27 @@ def require_plausible(values: Floats | float, name: str, what: str) -> None:
 
 
 def unmask(values: Any) -> Any:
-    """The values of a masked array; masked ones are NaN or, in lists, None."""
+    """The values of a masked array, where masked values become NaN or, in lists, None."""
     if values.dtype.kind in "fiu":
         return np.asarray(np.ma.filled(values.astype(np.float64), np.nan))
     return values.tolist() if values.dtype.kind == "O" else values
 
 
 def labels_of(values: Any) -> list[Any]:
-    """The names of a table's columns, or of the numbers in one of its rows; empty if there are
-    none."""
+    """The names of the columns of a table or of one of its rows; empty if there are none."""
     dtype = getattr(values, "dtype", None)
     sources = ((dtype, "names"), (values, "column_names"), (values, "columns"), (values, "index"))
     candidates = (getattr(source, name, None) for source, name in sources)
-    labelled = (names for names in candidates if names is not None and not callable(names))
-    labels = list(next(labelled, ()))
+    valid = (names for names in candidates if names is not None and not callable(names))
+    labels = list(next(valid, ()))
     return labels if any(isinstance(label, str | tuple) for label in labels) else []
 
 
 def pick_columns(values: Any, labels: list[Any], width: int) -> Floats:
-    """The columns of `LABELS` for a width, by their names with or without units: (..., width)."""
+    """Pick the columns of `LABELS` for a width by name, with or without units: (..., width).
+
+    Raises `NotNumbersError` if a name is missing or occurs twice.
+    """
     columns, units = LABELS[width]
     bare = [name.rpartition("_")[0] for name in columns]
     if all(labels.count(name) == 1 for name in bare):
@@ -155,8 +161,8 @@ def floats_of_list(values: Sequence[Any], width: int = 0) -> Floats:
 
 
 def is_plain(values: Sequence[Any]) -> bool:
-    """Whether NumPy converts a list correctly: one of numbers, of arrays of floats, or of such
-    lists."""
+    """Whether NumPy converts a list correctly, because it consists of numbers, of arrays of floats,
+    or of such lists."""
     types = set(map(type, values))
     if types <= PLAIN:
         return True
@@ -168,9 +174,9 @@ def is_plain(values: Sequence[Any]) -> bool:
 def check_arguments(function: F) -> F:
     """Make a public function raise `InputError` for an argument that its annotation does not allow.
 
-    The message says which argument, what it is, what is allowed, and where to get it. The function
-    itself checks how large a number may be. A class has its arguments checked when an object is
-    made; that of a dataclass gets a short `repr`.
+    The message states the argument's name and value, the allowed types, and where to get one. The
+    function itself checks the size of numbers. For a class, the arguments of its constructor are
+    checked; a dataclass also gets a short `repr`.
     """
     if isinstance(function, type):
         function.__init__ = check_arguments(function.__init__)  # type: ignore[misc]
@@ -190,17 +196,17 @@ def check_arguments(function: F) -> F:
 
 
 class ArgumentCheck:
-    """The check of a function's arguments, which remembers the types that it has allowed.
+    """Check of a function's arguments, which caches the allowed types, because a live loop calls a
+    function thousands of times a second with the same types.
 
-    A live loop calls a public function thousands of times a second, always with the same types.
+    allowed: by argument, types whose every value is allowed, and single words.  allowed_together:
+    types of all positional arguments whose every value is allowed.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function
         self.names = list(inspect.signature(function).parameters)
-        #: By argument: types of which every value is allowed, and single words.
         self.allowed: dict[str, set[Any]] = {name: set() for name in self.names}
-        #: Types of all positional arguments together, of which every value is allowed.
         self.allowed_together: set[tuple[type, ...]] = set()
 
     def check_positional(self, values: tuple[Any, ...]) -> None:
@@ -217,8 +223,7 @@ class ArgumentCheck:
                 self.is_type_allowed(name, value)
 
     def is_type_allowed(self, name: str, value: Any) -> bool:
-        """Return whether the type alone allows a value; raise `InputError` for a value that is not
-        allowed."""
+        """Whether every value of this type is allowed; raise `InputError` if this value is not."""
         hint = hints_of(self.function).get(name, Any)
         if not is_allowed(hint, value):
             raise InputError(refusal(name, hint, value))
@@ -232,7 +237,7 @@ class ArgumentCheck:
 
 @cache
 def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
-    """The types of a function's arguments."""
+    """The annotations of a function's arguments, by name."""
     return get_type_hints(function, localns=PLACEHOLDERS)
 
 
@@ -246,7 +251,7 @@ def is_allowed(hint: Any, value: Any) -> bool:
 
 
 def has_type(value: Any, option: Any) -> bool:
-    """Whether a value is of a type without unions; truth values and NumPy's are no numbers."""
+    """Whether a value is of a type that is no union; truth values are no numbers."""
     origin = get_origin(option)
     if origin is Literal:
         return isinstance(value, str) and value in get_args(option)
@@ -265,7 +270,7 @@ def is_sequence(value: Any, option: Any) -> bool:
     is_fixed = get_origin(option) is tuple and ... not in get_args(option)
     if is_fixed and len(kinds) != len(value):
         return False
-    if float in kinds and set(map(type, value)) == {float}:  # as each row of a large covariance
+    if float in kinds and set(map(type, value)) == {float}:  # fast for rows of a large covariance
         return True
     return all(any(is_allowed(kind, item) for kind in kinds) for item in value)
 
@@ -294,7 +299,7 @@ def has_words(hint: Any) -> bool:
     return any(get_origin(option) is Literal for option in options(hint))
 
 
-#: Types in the words of a message.
+#: Names of types in messages.
 WORDS = {
     int: "a whole number",
     float: "a number",
@@ -334,12 +339,13 @@ def describe_value(value: Any) -> str:
 
 
 def shorten(value: Any) -> str:
-    """A value on one short line."""
+    """The `repr` of a value on one short line."""
     return " ".join(SHORT.repr(value).split())
 
 
 def refusal(name: str, hint: Any, value: Any) -> str:
-    """Write the message: what an argument is, what is allowed and, where known, what to pass."""
+    """Write the message for a wrong argument: its value, the allowed types and, if known, what to
+    pass instead."""
     if isinstance(value, str) and has_words(hint):
         text = f"{name} is {value!r}; allowed: "
     else:
@@ -352,8 +358,10 @@ def refusal(name: str, hint: Any, value: Any) -> str:
 
 
 def advice_on_value(kind: Any, value: Any) -> str:
-    """Say what to pass instead of a value: an object of the class, the field of the value that
-    holds one, or what `facets.load` makes of a path; "" if nothing is known."""
+    """Describe an object of a class that can replace a value; "" if none is known.
+
+    It is an instance instead of the class, a field of the value, or the result of `facets.load`.
+    """
     if value is kind:
         return f"an object, as {kind.__name__}() makes it"
     if is_dataclass(value) and not isinstance(value, type):

@@ -28,10 +28,10 @@ def state_block(
     default: float = 0.0,
     unit: str | None = None,
 ) -> KeyBlock:
-    """The eight components of a state, Eq. (3), as a tuple.
+    """A block of keys for the eight components of a state, Eq. (3), read as a tuple.
 
-    bounds: those of lengths and those of angles.  unit: the unit of all components, if not the one
-    in each component's name.
+    texts: meanings of the components.  bounds: of lengths, and of angles.  unit: of all components;
+    None: of each component's name.
     """
     keys = []
     for axis, text in zip(STATE, texts, strict=True):
@@ -51,9 +51,10 @@ def state_block(
 
 
 def pose_block(name: str, meaning: str, length: float | None, angle: float | None) -> KeyBlock:
-    """A standard uncertainty for each axis of the pose: (6,) um and urad, infinite for null.
+    """A block of keys for the standard uncertainty of each axis of the pose, read as (6,) um and
+    urad, infinite for null.
 
-    length, angle: defaults.
+    length, angle: defaults, um and urad.
     """
     keys = [
         Key(
@@ -113,14 +114,14 @@ CYCLES = state_block(
 )
 PHASES = state_block(
     "Phases",
-    "Where in its period each axis begins; 90 makes a cosine.",
+    "Phase of each axis at the beginning; 90 makes a cosine.",
     [f"phase of {axis}, degrees" for axis in STATE],
     (_symmetric_bounds(360), _symmetric_bounds(360)),
     unit="deg_of_phase",
 )
 PER_AXIS = pose_block(
     "PerAxis",
-    "Standard uncertainties by axis of the pose; an axis left out has none given.",
+    "Standard uncertainties by axis of the pose; null or omitted: none.",
     None,
     None,
 )

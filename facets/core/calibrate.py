@@ -13,7 +13,7 @@ from .units import bounds_of
 
 REFERENCE = pose_block(
     "Reference",
-    "Standard uncertainty of what the reference says; an axis that it does not measure is null.",
+    "Standard uncertainty of the reference's pose; null for an axis that it does not measure.",
     0.1,
     0.5,
 )
@@ -44,9 +44,9 @@ BEFORE = block_of_keys(
             "beam_profile_percent",
             0.1,
             100,
-            "the share of the laser's power outside the model's cross-section, Gaussian or with "
-            "the profile found (a ghost, light lost at a chipped tip), where the data call for an "
-            "effect of light",
+            "fraction of the laser's power outside the model's cross-section, Gaussian or with "
+            "the fitted profile (a ghost, light lost at a chipped tip), if the fit has an effect "
+            "of light",
         ),
         _prior_sigma("power_percent", 2.0, 100, "each PSD's gain (not the laser's power)"),
         _prior_sigma("dark_uw", None, 1e6, "power that each PSD reads without light"),
@@ -75,7 +75,7 @@ BEFORE = block_of_keys(
 )
 EFFECTS = block_of_keys(
     "Effects",
-    "Which effects the fit holds: `auto` takes those that the data call for, `on` always.",
+    "Effects that the fit may include: `auto`, if the data support it; `on`, always.",
     [
         Key(name, "auto", meaning, hint=Literal["auto", "on", "off"])
         for name, meaning in {
@@ -85,7 +85,7 @@ EFFECTS = block_of_keys(
             "beam_moves": "position of the beam in each sample",
             "delay": "delay of the reference's clock",
             "backlash": "backlash of the reference's axes",
-            "lag": "lag of the mirror by a share of each axis's last step",
+            "lag": "lag of the mirror by a fraction of each axis's last step",
             "channel_skew": "delay between the detectors, which are read one after the other",
             "time_drift": "drift of the beam and the detectors with time",
             "temperature_drift": "drift of the beam and the detectors with temperature_c",
@@ -95,7 +95,7 @@ EFFECTS = block_of_keys(
     dict,
 )
 
-#: The sign, digits and letters that a certificate's number may have, at the foot of each sheet.
+#: Allowed form of a certificate's number, which is printed at the foot of each sheet.
 NUMBER = {
     "pattern": r"^[\w .,/-]*$",
     "error": "must be letters, digits, spaces and . , / - _",
@@ -121,8 +121,8 @@ TEMPERATURES = bounds_of(TEMPERATURE_COLUMN).values()
 
 @dataclass(frozen=True)
 class Statement:
-    """Entries for the calibration certificate (`facets calibrate --report`), which copies them
-    unchecked and prints "not stated" for missing ones."""
+    """Entries of the calibration certificate (`facets calibrate --report`), which are copied
+    unchecked; a missing one is printed as "not stated"."""
 
     number: str | None = _entry("number", "number of the certificate", **NUMBER)
     sensor: str | None = _entry("sensor", "maker and type of the calibrated sensor")
@@ -155,10 +155,11 @@ class Statement:
 class Calibrate:
     """Settings of `facets calibrate`.
 
-    reference: (6,) mm and rad, infinite where an axis is not measured.  before: standard
-    uncertainties by key, in the unit of the key; keys that are null are missing.  power_per_sample:
-    whether the laser's power is an unknown of each sample.  dwells: whether the rows of
-    each dwell of the reference are averaged.
+    reference: (6,) standard uncertainties of the reference's pose, mm and rad, infinite for an axis
+    that it does not measure.  before: standard uncertainties by key, in the key's unit, without
+    keys that are null.  power_per_sample: whether the laser's power is an unknown of each sample.
+    effects: "auto", "on" or "off" by effect.  held_back: percentage of samples for the test.
+    dwells: whether the rows of each dwell of the reference are averaged.
     """
 
     reference: tuple[float, ...] = key(
@@ -186,7 +187,7 @@ class Calibrate:
         "position of the beam: bx_mm, by_mm of the table if it has them; still: the origin",
     )
     held_back: float = key(
-        "held_back_percent", 20.0, "share of the samples on which the result is tested", ge=0, le=90
+        "held_back_percent", 20.0, "part of the samples on which the result is tested", ge=0, le=90
     )
     outliers: float | None = key(
         "outliers", 3.0, "standard deviations beyond which a reading weighs less", gt=0, le=100
@@ -194,7 +195,7 @@ class Calibrate:
     statement: Statement = key(
         "statement",
         {},
-        "what the calibration certificate says of sensor, reference and conditions",
+        "entries of the calibration certificate on sensor, reference and conditions",
         block=block_of(Statement),
     )
     dwells: bool = False

@@ -16,7 +16,7 @@ from .units import KEY_UNITS, Floats, find_implausible, unit_in
 
 
 def plain_unit(unit: str) -> str:
-    """Write a unit without signs that can be written in two ways: "um/s2" for µm/s² and um/s^2."""
+    """Write a unit in one of its possible spellings: "um/s2" for µm/s² and for um/s^2."""
     text = unicodedata.normalize("NFKC", unit).replace("μ", "u")
     return text.replace("°", "deg").replace("^", "")
 
@@ -25,8 +25,7 @@ def plain_unit(unit: str) -> str:
 ENDINGS = {
     plain_unit(unit.label): ending for ending, unit in reversed(KEY_UNITS.items()) if unit.label
 } | {"1": ""}
-#: Columns that a table of poses may have in addition to those of the channels, and beginnings of
-#: others.
+#: Names of a pose table's columns, which channels cannot have, and beginnings of such names.
 TAKEN = frozenset(
     {
         *READING_COLUMNS, *STATE_COLUMNS, "seq", "board_us", "host_s", "utc_s", "time_s", "status",
@@ -39,13 +38,13 @@ TAKEN_BEGINNINGS = (
 )  # fmt: skip
 
 
-#: Characters that no unit has: control characters, and spaces other than the plain one.
+#: Characters that a unit must not have: control characters, and spaces other than the plain one.
 UNPRINTABLE = r"\x00-\x1f\x7f-\xa0\xad\u200b-\u200f\u2028-\u202f\u205f-\u206f\u3000\ufeff"
 
 
 @dataclass(frozen=True)
 class AuxiliaryChannel:
-    """One auxiliary channel of each sample: its value is `offset` + `scale` times the number in
+    """One auxiliary channel of each sample: its value is `offset` plus `scale` times the number in
     the frame."""
 
     name: str = key(
@@ -69,7 +68,7 @@ class AuxiliaryChannel:
         0.0,
         "time from the instant of the detectors' sample to that of the channel's; negative for a "
         "channel that shows an earlier value, such as one behind a filter. Columns hold the "
-        "values as they came",
+        "values without a shift by it",
         ge=-1e6,
         le=1e6,
     )
@@ -80,21 +79,21 @@ class AuxiliaryChannel:
         return "_".join(part for part in (self.name, column_ending(self.unit)) if part)
 
     def values(self, raw: NDArray[np.float32]) -> Floats:
-        """Values of the channel in its unit; NaN for each number that is not finite, or not
-        plausible in this unit."""
+        """Convert numbers of frames (n,) to values (n,) in the channel's unit; NaN for numbers that
+        are not finite, or not plausible in this unit."""
         with np.errstate(over="ignore", invalid="ignore"):
             values: Floats = self.offset + self.scale * raw.astype(np.float64)
         is_number = np.isfinite(values) & ~find_implausible(values, self.column)
         return np.where(is_number, values, np.nan)
 
     def raw(self, values: Floats) -> NDArray[np.float32]:
-        """The inverse of `values`, as a board sends them."""
+        """Convert values (n,) in the channel's unit to the numbers in frames (n,)."""
         with np.errstate(over="ignore"):
             return ((values - self.offset) / self.scale).astype(np.float32)
 
 
 def describe_channels(channels: Iterable[AuxiliaryChannel]) -> dict[str, str]:
-    """Entries for the head of a table: the unit of each channel, and its delay if it has one."""
+    """Entries of a table's head with the unit of each channel, and its delay if it is not 0."""
     entries = {}
     for channel in channels:
         entries[f"unit of {channel.column}"] = channel.unit
@@ -106,7 +105,7 @@ def describe_channels(channels: Iterable[AuxiliaryChannel]) -> dict[str, str]:
 def column_ending(unit: str) -> str:
     """Ending of a column for a unit: "c" for degC, "mm_s2" for mm/s^2, "n" for N.
 
-    It is empty for a unit whose ending would be that of another: "" for Nm, which is not nm.
+    It is empty if it would be read as another unit: "" for Nm, which is not nm.
     """
     plain = plain_unit(unit)
     if plain in ENDINGS:
@@ -120,5 +119,5 @@ def column_ending(unit: str) -> str:
 
 
 def is_taken(column: str) -> bool:
-    """Whether tables of poses have another column of this name."""
+    """Whether tables of poses use a column's name for another quantity."""
     return column in TAKEN or column.startswith(TAKEN_BEGINNINGS)

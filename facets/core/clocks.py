@@ -6,30 +6,31 @@ from math import isfinite
 
 #: Standard uncertainty of the rate of a board's clock with a quartz.
 QUARTZ_RATE = 100e-6
-#: A quartz explains no larger difference.
+#: Largest difference of rates that the tolerance of a quartz explains.
 LARGEST_RATE = 4 * QUARTZ_RATE
-#: Beyond this difference no oscillator is at fault, and the board's times are wrong.
+#: A larger difference cannot come from an oscillator: the board's times are wrong.
 IMPOSSIBLE_RATE = 0.05
-#: The least delay of a port can change by this, s, such as by the latency timer of a USB converter
-#: (16 ms): a drift of the arrivals by less is no evidence against a quartz.
+#: The least delay of a port can change by this, s, for example by the latency timer of a USB
+#: converter (16 ms). A smaller drift of the arrivals is no evidence against the clock.
 DELAY_CHANGE_S = 0.015
-#: Standard uncertainty of a time that a board's clock counts in whole microseconds, s.
+#: Standard uncertainty of a time that a board counts in integer microseconds, s.
 COUNT_SIGMA_S = 1e-6 / 12**0.5
-#: Units of times, by the ratio of the board's clock to the computer's.
+#: Wrong units of a board's times, by the resulting ratio of its clock to the computer's.
 UNITS = {1e3: "nanoseconds", 1e-3: "milliseconds"}
 #: A clock that is slower than this ratio does not run.
 STANDSTILL = 1e-5
 
 
 def describe_rate(rate: float) -> str:
-    """The sentence on a board's clock that no quartz explains; empty for a plausible rate.
+    """Describe a difference of the board's clock that no quartz explains, in a sentence; "" for a
+    smaller difference.
 
     rate: fraction of the computer's time by which the board's clock is slow; NaN if unknown.
     """
     if not isfinite(rate) or abs(rate) <= LARGEST_RATE:
         return ""
-    subject, pace = "the detector board's clock (t_us)", 1 - rate
-    if pace < STANDSTILL:
+    subject, clock_ratio = "the detector board's clock (t_us)", 1 - rate
+    if clock_ratio < STANDSTILL:
         return f"{subject} stands still: check the counter that the firmware reads"
     if abs(rate) <= IMPOSSIBLE_RATE:
         size, late = f"{1e6 * abs(rate):.4g} ppm", "; or its data come later and later"
@@ -37,6 +38,6 @@ def describe_rate(rate: float) -> str:
             f"{subject} is {size} {'slow' if rate > 0 else 'fast'} by the arrivals of its data, "
             f"more than a quartz is: check its oscillator{late if rate > 0 else ''}"
         )
-    unit = next((name for ratio, name in UNITS.items() if abs(pace / ratio - 1) < 0.05), "")
+    unit = next((name for ratio, name in UNITS.items() if abs(clock_ratio / ratio - 1) < 0.05), "")
     cause = f"t_us counts {unit}" if unit else "check its unit and its prescaler"
-    return f"{subject} runs {pace:.3g} times as fast as its data arrive: {cause}"
+    return f"{subject} runs {clock_ratio:.3g} times as fast as its data arrive: {cause}"

@@ -6,7 +6,7 @@ from typing import Self
 
 
 class ClosedAtExit:
-    """Closes itself at the end of a `with` statement."""
+    """Base of objects that a `with` statement closes at its end."""
 
     def close(self) -> None: ...
 

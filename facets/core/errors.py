@@ -1,13 +1,12 @@
-"""The errors that a user of `facets` can meet. Bad input raises one; a bad pose returns a
-status."""
+"""Errors that `facets` raises for bad input; a pose that cannot be solved has a status instead."""
 
 
 class FacetsError(Exception):
-    """Base of all errors that the package raises; its text is complete and meant for a person."""
+    """Base of all errors that the package raises; its text is a complete message for the user."""
 
 
 class ConfigError(FacetsError):
-    """A configuration that cannot be used; names file, line, key, and what is allowed."""
+    """A configuration that cannot be used; the message has file, line, key and allowed values."""
 
 
 class InputError(FacetsError):

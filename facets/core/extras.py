@@ -8,7 +8,7 @@ from warnings import catch_warnings
 
 from .errors import InputError
 
-#: The extra that brings a package.
+#: The extra that installs a package, by package.
 EXTRAS = {
     "aiohttp": "web",
     "av": "scenes",
@@ -47,9 +47,9 @@ def require_extra(module: str, purpose: str) -> Any:
     """
     package = module.partition(".")[0]
     try:
-        with catch_warnings():  # some show all programs' warnings once they are imported
+        with catch_warnings():  # Some packages change the filters of warnings.
             return import_module(module)
-    except (ImportError, RuntimeError) as error:  # RuntimeError: its own library is not found
+    except (ImportError, RuntimeError) as error:  # RuntimeError: a shared library is not found
         raise InputError(
             f'{purpose} needs {package}: pip install "facets-6dof[{EXTRAS[package]}]" ({error})'
         ) from None

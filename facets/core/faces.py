@@ -1,4 +1,4 @@
-"""Public names of packages, whose modules are imported at their first use."""
+"""Import the public names of packages at their first use."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from typing import Any
 def load_on_use(package: str, names_of: Mapping[str, str] | None = None) -> Callable[[str], Any]:
     """Return the `__getattr__` of a package, which imports a name at its first use.
 
-    names_of: by module, the public names that it defines, separated by spaces; the module is
-    written as in a relative import without the first dot. All other names are modules of the
-    package.
+    names_of: public names, separated by spaces, by the module that defines them, written as in a
+    relative import without the first dot. Other names are modules of the package.
     """
     homes = {name: home for home, names in (names_of or {}).items() for name in names.split()}
 

@@ -1,10 +1,9 @@
-"""The hues of the detectors A, B and C, of the axes and of the background.
+"""Hues of the detectors A, B and C, of the axes and of the background.
 
-Plots, drawings, pages and the terminal take them from here, so that a detector or an axis looks the
-same wherever it appears. A hue alone never carries a meaning: axes also have a mark and a dash
-(`MARKS`, `DASHES`), detectors their letter. Any two hues of one set can be distinguished by the
-colour-blind (tests/pictures/test_hues.py simulates them), and each has a contrast of 3 to 1 or more
-with its ground.
+Plots, drawings, pages and the terminal use the same hues for a detector or an axis. A hue alone
+never carries a meaning: axes also have a mark and a dash (`MARKS`, `DASHES`), detectors a letter.
+Colour-blind readers can distinguish any two hues of a set (tests/pictures/test_hues.py simulates
+this), and each hue has a contrast of at least 3 to 1 with its ground.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ from .names import ANGLES, STATE
 
 @dataclass(frozen=True)
 class Hues:
-    """One set of hues, "#RRGGBB", and the ground that it is made for.
+    """A set of hues, each as "#RRGGBB".
 
-    ground: behind everything.  ink: text and truth.  soft: secondary text.  grey: data in the
-    background.  rule: grids and thin lines.  detectors: by letter, a, b, c.  axes: by component of
-    the state, Eq. (3).  series: for all other data, in this order.  alarm: for warnings.
+    ground: background of a picture.  ink: text and true values.  soft: secondary text.  grey:
+    secondary data.  rule: grids and thin lines.  detectors: by letter, a, b, c.  axes: by component
+    of the state, Eq. (3).  series: other data, in this order.  alarm: warnings.
     """
 
     ground: str
@@ -38,7 +37,7 @@ class Hues:
 
     @property
     def accent(self) -> str:
-        """The most conspicuous hue, for what is neither a detector nor an axis."""
+        """The most conspicuous hue, for data of neither a detector nor an axis."""
         return self.series[0]
 
     @property
@@ -70,20 +69,20 @@ DARK = Hues(
     series=("#A9C4F5", "#EE6F8E", "#F2CC5C", "#5B7FC0", "#A04468"),
     alarm="#FF6B5E",
 )  # fmt: skip
-#: By the name of a style. On paper and on a screen hues are alike; sizes and lines are not.
+#: Hues by style. The styles for paper and screen differ in sizes and lines only.
 THEMES = {"paper": LIGHT, "screen": LIGHT, "dark": DARK}
 
-#: The style that pictures are made in, unless another is chosen.
+#: The default style of pictures.
 STYLE = "screen"
 _chosen: ContextVar[str] = ContextVar("style", default=STYLE)
 
-#: In addition to its hue an axis has a mark and a dash, in matplotlib's words.
+#: Marks and dashes of the components of the state, as matplotlib names them.
 MARKS = dict(zip(STATE, "osDPX^v<", strict=True))
 DASHES = {name: "--" if name in ANGLES else ":" if name in STATE[6:] else "-" for name in STATE}
 
 
 def choose_style(name: str) -> None:
-    """Choose the style of all later pictures: paper, screen or dark."""
+    """Set the style of all later pictures: paper, screen or dark; `ValueError` for others."""
     if name not in THEMES:
         raise ValueError(f"no style {name}; allowed: {', '.join(THEMES)}")
     _chosen.set(name)
@@ -99,7 +98,7 @@ def chosen_hues() -> Hues:
 
 @contextmanager
 def use_style(name: str) -> Iterator[Hues]:
-    """Choose the style of the pictures that are made in this context."""
+    """Context in which pictures have a style; yields its hues."""
     before = _chosen.get()
     choose_style(name)
     try:

@@ -10,7 +10,8 @@ follow from it (`facets.config`).
 
         gain: float = key("gain_kohm", 100.0, "volts per ampere", gt=0, le=1e9)
 
-By its name the key is in kohm: `block_of(Amplifier).read({"gain_kohm": 5.0}).gain` is 5000 ohm.
+The name's ending states the key's unit, kohm, and the field is in ohm:
+`block_of(Amplifier).read({"gain_kohm": 5.0}).gain` is 5000.
 """
 
 from __future__ import annotations
@@ -29,19 +30,21 @@ Values = Mapping[str, Any]
 class Key:
     """One key of a configuration.
 
-    default: in the key's unit; MISSING where a file must give the key.
-    hint: type of the value in a file; that of the field if None.
+    default: value in the key's unit; MISSING if a file must set the key.
+    meaning: noun phrase for documentation and messages.
+    unit: name of the unit in `KEY_UNITS`; "" for none.
+    hint: type of the value in a file; None: type of the field.
     bounds: `gt`, `ge`, `lt`, `le` of each number; `pattern`, `min_length`, `max_length` of text,
-    `error` for text without the pattern.
-    null: value of the field where the file has null.
-    words: the field's value for each word of a file, for a field that holds no words.
-    block: the keys inside, where the value is a block.
-    named: the keys of each block inside, where the user gives these blocks their names.
-    kinds: the same for blocks of several kinds, by the word that each has as its `kind`.
-    listed: the keys of each block of a list.
-    length: of a list for a field that holds a tuple of any length.
-    from_single: whether a single number represents a pair of equal ones.
-    convert: converts the value, in the units of the code, to that of the field.
+    and the `error` for text that does not match the pattern.
+    null: value of the field if the file has null.
+    words: values of the field by the word in a file, for a field that holds no text.
+    block: keys of the value, if this is a block.
+    named: keys of each block inside the value, if the user names these blocks.
+    kinds: as `named`, for blocks of several kinds, by the value of their key `kind`.
+    listed: keys of each block in a list.
+    length: of the list, for a field that holds a tuple of any length.
+    from_single: whether a single number represents a pair of equal numbers.
+    convert: function from the value in the code's units to the value of the field.
     """
 
     name: str
@@ -61,7 +64,7 @@ class Key:
     convert: Callable[[Any], Any] | None = None
 
     def read(self, value: Any) -> Any:
-        """The value of the field, from the value in a file."""
+        """Convert a value in a file to the value of the field."""
         if value is None:
             return self.null
         if self.words is not None:
@@ -77,22 +80,21 @@ class Key:
         return value if self.convert is None else self.convert(value)
 
     def write(self, value: Any) -> Any:
-        """The value in a file from that of the field: the inverse of `read`, for numbers and lists
-        of them."""
+        """Convert a field's numbers to the value in a file, the inverse of `read`."""
         return None if value == self.null else to_key(value, self.unit)
 
 
 def to_code(value: Any, unit: str) -> Any:
-    """Convert numbers from a key's unit to that of the code; lists become tuples, other values
-    stay."""
+    """Convert numbers from a key's unit to the code's; lists become tuples, other values remain
+    unchanged."""
     if isinstance(value, list | tuple):
         return tuple(to_code(item, unit) for item in value)
     return KEY_UNITS[unit].to_code(value) if unit else value
 
 
 def to_key(value: Any, unit: str) -> Any:
-    """Convert numbers from the unit of the code to that of a key; tuples become lists, other values
-    stay."""
+    """Convert numbers from the code's unit to a key's; tuples become lists, other values remain
+    unchanged."""
     if isinstance(value, list | tuple):
         return [to_key(item, unit) for item in value]
     return KEY_UNITS[unit].to_key(value) if unit else value
@@ -100,11 +102,11 @@ def to_key(value: Any, unit: str) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class FieldSource:
-    """The keys that give the value of one field.
+    """The keys from which the value of a field follows.
 
-    read: gives the field's value from all values of the block; None: the value of the only key.
-    index: which item of the only key's value the field is, if not the whole. write: gives the
-    values of the keys from that of the field.
+    read: function from all values of the block to the field's value; None: the single key's value.
+    index: index of the field's value in the single key's value; None: all of it.  write: function
+    from the field's value to the values of the keys.
     """
 
     keys: tuple[Key, ...]
@@ -113,12 +115,12 @@ class FieldSource:
     write: Callable[[Any], Sequence[Any]] | None = None
 
     def value(self, values: Values) -> Any:
-        """The field's value."""
+        """The field's value, from the values of the block's keys."""
         return self.read(values) if self.read else self.keys[0].read(values[self.keys[0].name])
 
 
 def key(name: str, default: Any, meaning: str, **options: Any) -> Any:
-    """Declare a field with its own key, whose unit its name says.
+    """Declare a field with its own key, whose unit is the ending of its name.
 
     options: attributes of `Key`, and bounds.
     """
@@ -137,7 +139,7 @@ def item_of(key: Key, index: int | str) -> Any:
 
 
 def declare(source: FieldSource) -> Any:
-    """Declare a field of a dataclass whose value and default follow from several keys."""
+    """Declare a field of a dataclass whose value and default follow from keys."""
     metadata = {"source": source}
     if any(part.default is MISSING for part in source.keys):
         return field(metadata=metadata)
@@ -151,9 +153,9 @@ def declare(source: FieldSource) -> Any:
 class KeyBlock:
     """A block of keys.
 
-    sources: the keys of each field.  make: makes the object from the fields' values.  common: keys
-    that only a file has, which hold for all blocks inside that do not override them.  partial:
-    whether omitted keys have a value elsewhere, so that no default is shown.
+    sources: keys by field.  make: makes the object from the fields' values.  common: keys without a
+    field, which apply to all blocks inside that do not override them.  partial: whether omitted
+    keys take their values from another block, so that they have no default.
     """
 
     name: str
@@ -166,19 +168,19 @@ class KeyBlock:
     @property
     def keys(self) -> list[Key]:
         """All keys, in the order of a file."""
-        of_fields = {key.name: key for source in self.sources.values() for key in source.keys}
-        return [*self.common, *of_fields.values()]
+        keys = {key.name: key for source in self.sources.values() for key in source.keys}
+        return [*self.common, *keys.values()]
 
     def read(self, values: Values) -> Any:
-        """Convert the values of all keys; an omitted key has its default."""
+        """Make the object from the values of keys; an omitted key has its default."""
         values = {**{key.name: key.default for key in self.keys}, **values}
         return self.make(**{name: source.value(values) for name, source in self.sources.items()})
 
-    def write(self, values: Values, made: Any) -> dict[str, Any]:
-        """Return the values, changed where a field of `made` differs from what they give."""
+    def write(self, values: Values, target: Any) -> dict[str, Any]:
+        """Return the values, with those changed whose field in the object `target` differs."""
         old, new = self.read(values), dict(values)
         for name, source in self.sources.items():
-            value, first = getattr(made, name), source.keys[0]
+            value, first = getattr(target, name), source.keys[0]
             if value == getattr(old, name):
                 continue
             if first.block is not None:
@@ -190,7 +192,7 @@ class KeyBlock:
             elif source.write is not None:
                 pairs = zip(source.keys, source.write(value), strict=True)
                 new |= {key.name: item for key, item in pairs}
-            # A key without a default is filled in by a file that another command writes.
+            # Fields with several keys and no `write` come from files that other commands write.
             elif len(source.keys) == 1:
                 new[first.name] = first.write(value)
         return new
@@ -198,7 +200,8 @@ class KeyBlock:
 
 @cache
 def block_of(kind: type[Any]) -> KeyBlock:
-    """The keys that a dataclass declares; its docstring's first paragraph is their meaning."""
+    """The block of the keys that a dataclass declares; its meaning is the docstring's first
+    paragraph."""
     hints = get_type_hints(kind)
     meaning = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
     sources = {
@@ -210,7 +213,7 @@ def block_of(kind: type[Any]) -> KeyBlock:
 
 
 def complete(source: FieldSource, hint: Any) -> FieldSource:
-    """The source of a field, whose key takes the field's type."""
+    """Return a field's source with the field's type as the hint of its key."""
     if source.read is not None:
         return source
     single = source.keys[0]
@@ -220,10 +223,10 @@ def complete(source: FieldSource, hint: Any) -> FieldSource:
 def block_of_keys(
     name: str, meaning: str, keys: Sequence[Key], make: Callable[..., Any]
 ) -> KeyBlock:
-    """A block of keys that `make` takes by name."""
+    """A block of keys, whose values `make` takes as keyword arguments."""
     return KeyBlock(name, meaning, {key.name: FieldSource((key,)) for key in keys}, make)
 
 
 def drop_null(**values: Any) -> dict[str, Any]:
-    """Return the values of the keys that are not null, in the units of the code."""
+    """Return the arguments that are not None."""
     return {name: value for name, value in values.items() if value is not None}

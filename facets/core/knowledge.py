@@ -17,8 +17,8 @@ from .errors import InputError
 class Prior:
     """Gaussian prior of a quantity: its mean and standard uncertainty.
 
-    For the beam's position: mean (..., 2) and sigma (a number or one each) of bx, by in mm; for its
-    power: mean and sigma in mW. A sigma of 0 means exactly known, infinite means unknown.
+    For the beam's position: mean (..., 2) and sigma, a number or (2,), of bx and by, mm; for its
+    power: mean and sigma, mW. A sigma of 0 means known exactly, infinite means unknown.
 
     >>> import facets
     >>> facets.Prior(mean=(0.0, 0.1), sigma=0.005)  # the beam at y = 0.1 mm, within 5 um
@@ -43,7 +43,7 @@ class Prior:
 #: The forms of the arguments `beam` and `power` of public functions.
 BeamKnowledge = Literal["free", "known"] | Prior
 PowerKnowledge = Literal["known", "unknown"] | Prior
-#: The words as standard uncertainties.
+#: Standard uncertainties that the words represent.
 SIGMAS = {"known": 0.0, "free": np.inf, "unknown": np.inf}
 
 
@@ -75,11 +75,11 @@ class Knowledge:
 
     @property
     def beam_prior(self) -> Prior:
-        """The beam's position as a prior, mm; its sigma is 0 or infinite where a word is given."""
+        """The beam's position as a prior, mm; a word is a prior with sigma 0 or infinite."""
         return self.beam if isinstance(self.beam, Prior) else Prior((0.0, 0.0), self.beam_sigma)
 
     def power_prior(self, power: float) -> Prior:
-        """The beam's power as a prior, mW.  power: the sensor's."""
+        """The beam's power as a prior, mW.  power: of the sensor's beam, mW."""
         return self.power if isinstance(self.power, Prior) else Prior(power, self.power_sigma)
 
 
@@ -100,7 +100,7 @@ class Question(NamedTuple):
         return Knowledge(self.beam, self.power)
 
     def rows(self, which: Any) -> Question:
-        """The question of some readings, where priors have a mean for each."""
+        """Return the settings for some of the readings, with their rows of the priors' means."""
         beam, power = self.beam, self.power
         if isinstance(beam, Prior) and np.ndim(beam.mean) > 1:
             beam = Prior(np.asarray(beam.mean)[which], beam.sigma)

@@ -16,7 +16,7 @@ Bounds = tuple[float, float]
 
 @dataclass(frozen=True)
 class PsdPart:
-    """A detector of a catalogue."""
+    """A detector in the catalogue of parts."""
 
     size: float = key("size_mm", MISSING, "side of the detector's sensitive area", gt=0, le=1000)
     position: float | None = key(
@@ -32,7 +32,7 @@ class PsdPart:
 
 @dataclass(frozen=True)
 class LaserPart:
-    """A laser of a catalogue."""
+    """A laser in the catalogue of parts."""
 
     power: float = key("power_mw", MISSING, "laser power", gt=0, le=1000)
     diameter: float = key(
@@ -46,7 +46,7 @@ class LaserPart:
 
 @dataclass(frozen=True)
 class AmplifierPart:
-    """Amplifiers and converters of a catalogue, for all three detectors."""
+    """Amplifiers and converters for all three detectors in the catalogue of parts."""
 
     power: float = key(
         "power_uw",
@@ -73,8 +73,8 @@ def _variables_of_one(kind: str, bounds: dict[str, tuple[float, float]]) -> list
 
 VARIABLES = block_of_keys(
     "Variables",
-    "Variables of the layout, each with its least and largest value; variables that are left out "
-    "stay as they are.",
+    "Variables of the layout, each with its least and largest value; omitted variables remain "
+    "unchanged.",
     [
         _variable("radius_mm", "radius of all detectors", 1, 10_000),
         _variable(
@@ -136,7 +136,7 @@ PARTS = Key(
 )
 WEIGHTS = block_of_keys(
     "Weights",
-    "Weights of the aims, for `aim: weighted`; aims that are left out have the weight 0.",
+    "Weights of the aims, for `aim: weighted`; omitted aims have the weight 0.",
     [
         Key(name, 0, meaning, hint=float, bounds={"ge": 0, "le": 1e6})
         for name, meaning in {
@@ -144,9 +144,9 @@ WEIGHTS = block_of_keys(
             "mean_resolution": "weight of the mean uncertainty over its unit",
             "range": "weight of the factor by which the volume is enlarged",
             "size": "weight of the head's diameter in units of 100 mm",
-            "condition": "worst condition number, decades",
-            "price": "weight of the price of the parts, in thousands; not counted where a price "
-            "is unknown",
+            "condition": "weight of the worst condition number in decades",
+            "price": "weight of the price of the parts, in thousands; not counted if a price is "
+            "unknown",
         }.items()
     ],
     lambda **values: {name.replace("_", "-"): weight for name, weight in values.items() if weight},
@@ -163,8 +163,8 @@ PRODUCTION = Key(
             Key(
                 "yield_percent",
                 None,
-                "share of the heads that must keep spots, light and limits; null: only the design "
-                "must keep them",
+                "percentage of heads that must keep spots, light and limits; null: only the "
+                "design must keep them",
                 "percent",
                 float | None,
                 {"gt": 0, "lt": 100},
@@ -194,14 +194,14 @@ PRODUCTION = Key(
 class Layout:
     """Settings of `facets optimize`.
 
-    variables: least and largest value of each, in the unit of its name.  volume: half widths of the
-    pose and of the beam's offset (8,), mm and rad.  unit, limit, accuracy: (6,) um and urad,
-    infinite where not given.  production: fraction of the heads that must meet all requirements, 0
-    where only the design must.  object: whose displacements and uncertainties volume, unit, limit
-    and accuracy are; None: those of the mirror's pose.
+    variables: least and largest value of each, in the unit of its name.  volume: (8,) half widths
+    of the pose and of the beam's offset, mm and rad.  unit, limit, accuracy: (6,) um and urad,
+    infinite if not stated.  production: fraction of the heads that must meet all requirements, 0 if
+    only the design must.  object: to which volume, unit, limit and accuracy refer; None: the
+    mirror's pose.
     """
 
-    variables: dict[str, Bounds] = key("variables", {}, "what may change", block=VARIABLES)
+    variables: dict[str, Bounds] = key("variables", {}, "variables of the search", block=VARIABLES)
     psds: dict[str, PsdPart] = item_of(PARTS, "psds")
     lasers: dict[str, LaserPart] = item_of(PARTS, "lasers")
     amplifiers: dict[str, AmplifierPart] = item_of(PARTS, "amplifiers")
@@ -223,7 +223,7 @@ class Layout:
     unit: tuple[float, ...] = key(
         "unit",
         {"tz_um": 1, "roll_urad": 5, "pitch_urad": 5, "yaw_urad": 5},
-        "uncertainty of each axis that counts as 1; axes that are left out do not count",
+        "uncertainty of each axis that counts as 1; omitted axes do not count",
         block=PER_AXIS,
     )
     limit: tuple[float, ...] = key(

@@ -32,7 +32,7 @@ class Steps:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Moves evenly from one place to another, both included, all axes at once."""
+    """Uniform motion of all axes from one place to another, both included."""
 
     kind: ClassVar[str] = "sweep"
     start: State = key("from", {}, "first place", block=PLACE)
@@ -43,7 +43,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Sine:
-    """Each axis swings on its own: centre + amplitude sin(2 pi cycles s + phase), s from 0 to 1."""
+    """Sinusoid of each axis: centre + amplitude sin(2 pi cycles s + phase), s from 0 to 1."""
 
     kind: ClassVar[str] = "sine"
     centre: State = key("centre", {}, "middle of the swing", block=PLACE)
@@ -56,7 +56,7 @@ class Sine:
 
 @dataclass(frozen=True)
 class Random:
-    """Independent states, uniform in a box."""
+    """Independent states, uniformly distributed in a box."""
 
     kind: ClassVar[str] = "random"
     centre: State = key("centre", {}, "middle of the box", block=PLACE)
@@ -80,19 +80,19 @@ class Table:
     samples_per_step: int = key(
         "samples_per_step",
         1,
-        "readings at each row; 1 where the file has time_s",
+        "readings at each row; 1 if the file has time_s",
         ge=1,
         le=1_000_000,
     )
-    rate: float = key("rate_hz", 1000.0, "readings per second where the file has no time_s", **RATE)
+    rate: float = key("rate_hz", 1000.0, "readings per second if the file has no time_s", **RATE)
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A mode of vibration, by the displacement of the mirror that a static force gives in it."""
+    """A mode of vibration, with the displacement of the mirror in it by a static force of 1 N."""
 
     frequency: float = key("frequency_hz", MISSING, "undamped natural frequency", gt=0, le=1e6)
-    damping: float = key("damping_percent", 1.0, "share of critical damping", gt=0, lt=100)
+    damping: float = key("damping_percent", 1.0, "damping relative to critical", gt=0, lt=100)
     compliance: Pose = key("per_newton", {}, "displacement by a static force", block=COMPLIANCE)
 
 
@@ -113,7 +113,7 @@ class Vibration:
         "drive",
         "random",
         "random: noise in the band; burst: such noise in the first half only, each time; sweep: a "
-        "sinusoid whose frequency goes through the band",
+        "sinusoid whose frequency passes through the band",
     )
     force: float = key("force_n", 1.0, "root mean square of the force", gt=0, le=1e6)
     low: float = key("from_hz", 1.0, "lower end of the band", ge=0, le=1e6)
@@ -138,17 +138,19 @@ class Runs:
     dwell: float = key("dwell_ms", 300.0, "time at each place", gt=0, le=1e6)
     move: float = key("move_ms", 100.0, "time from one place to the next", gt=0, le=1e6)
     overrun: float = key(
-        "overrun_percent", 50.0, "how far the axis overruns an end, of one step", gt=0, le=1000
+        "overrun_percent", 50.0, "overrun of an end, relative to one step", gt=0, le=1000
     )
     scale: float = key(
-        "scale_percent", 0.0, "error of scale: of the way from the middle", ge=-100, le=100
+        "scale_percent", 0.0, "error relative to the distance from the middle", ge=-100, le=100
     )
-    wave: State = key("wave", {}, "amplitude of periodic errors, as of a screw", block=PLACE)
+    wave: State = key("wave", {}, "amplitude of periodic errors, such as of a screw", block=PLACE)
     periods: float = key(
         "periods", 3.0, "periods of `wave` from the first place to the last", ge=0, le=1e6
     )
     bow: State = key("bow", {}, "errors at the middle that vanish at both ends", block=PLACE)
-    backlash: State = key("backlash", {}, "positive less negative approach", block=PLACE)
+    backlash: State = key(
+        "backlash", {}, "place at positive minus place at negative approach", block=PLACE
+    )
     scatter: State = key("scatter", {}, "standard deviation from visit to visit", block=BOX)
     rate: float = key("rate_hz", 1000.0, "readings per second", **RATE)
 

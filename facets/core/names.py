@@ -21,21 +21,21 @@ STATE_COLUMNS = tuple(f"{name}_mrad" if name in ANGLES else f"{name}_mm" for nam
 READING_COLUMNS = tuple(
     f"{name}_mw" if name.startswith("power") else f"{name}_mm" for name in READING
 )
-#: Temperature of each reading, degrees Celsius; a sensor may follow it (`Sensor.thermal`).
+#: Column of the temperature of readings, degrees Celsius, for sensors with `Sensor.thermal`.
 TEMPERATURE_COLUMN = "temperature_c"
 
-#: One unit of a state's column, in the units of the code (mm, rad).
+#: Units of the state's columns, in the code's units (mm, rad).
 STATE_UNITS = tuple(1e-3 if name in ANGLES else 1.0 for name in STATE)
 
-#: One um or urad in the units of the code, by component of the state.
+#: One um or urad in the code's units, by component of the state.
 FINE_UNITS = tuple(1e-6 if name in ANGLES else 1e-3 for name in STATE)
 
 #: Columns of ranges and of standard uncertainties of the pose.
 RANGE_COLUMNS = tuple(f"range_{name}" for name in STATE_COLUMNS[:6])
 FINE_COLUMNS = tuple(f"u_{name}_urad" if name in ANGLES else f"u_{name}_um" for name in POSE)
 
-#: Columns of arrays that have names, by their number, with one unit of each in the units of the
-#: code. Names without units are in the units of the code.
+#: Names and units of an array's columns, by their number; the units in the code's units. Columns
+#: whose names have no unit are in the code's units.
 LABELS = {
     9: (READING_COLUMNS, (1.0,) * 9),
     8: (STATE_COLUMNS, STATE_UNITS),
@@ -45,8 +45,10 @@ LABELS = {
 
 
 def state_columns(values: Any, prefix: str = "") -> dict[str, Any]:
-    """Columns tx_mm, ... of states (..., 8) or poses (..., 6) in mm and rad, in the units of
-    tables.  prefix: of the names, such as object_."""
+    """Convert states (..., 8) or poses (..., 6), mm and rad, to columns tx_mm, ..., mm and mrad.
+
+    prefix: of the columns' names, such as object_.
+    """
     return {
         f"{prefix}{name}": values[..., i] / STATE_UNITS[i]
         for i, name in enumerate(STATE_COLUMNS[: values.shape[-1]])
@@ -54,8 +56,8 @@ def state_columns(values: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def covariance_entries(prefix: str = "") -> dict[str, tuple[int, int]]:
-    """Columns of a pose's covariance, those on and above its diagonal, with the places of each in
-    the matrix: cov_tx_tx_mm2, cov_tx_roll_mm_mrad, ..., cov_yaw_yaw_mrad2.
+    """Columns of a pose's covariance with the row and column of each in the matrix, on and above
+    its diagonal: cov_tx_tx_mm2, cov_tx_roll_mm_mrad, ..., cov_yaw_yaw_mrad2.
 
     prefix: of the pose's names, such as object_.
     """
@@ -69,6 +71,6 @@ def covariance_entries(prefix: str = "") -> dict[str, tuple[int, int]]:
 
 
 def escape_undecodable(text: str) -> str:
-    r"""Return a text that every file of text can hold: bytes of a file's name that are not UTF-8
-    become escapes such as \xe9."""
+    r"""Return a text that can be written as UTF-8: bytes of a file's name that are not UTF-8 become
+    escapes such as \xe9."""
     return text.encode("utf-8", "backslashreplace").decode().replace(r"\udc", r"\x")

@@ -1,4 +1,4 @@
-"""Short descriptions of objects: one line for terminals, and a table below it for notebooks.
+"""Short descriptions of objects: one line for terminals, with a table below it for notebooks.
 
 Both follow from the fields of a class and from the keys that are declared on them (`core.keys`).
 """
@@ -15,7 +15,7 @@ from .names import DETECTORS
 from .units import KEY_UNITS
 
 Kind = TypeVar("Kind", bound=type[Any])
-#: Number of items up to which a sequence is shown in full, and of characters of a line.
+#: Largest number of items of a sequence that is shown in full, and of characters in a line.
 MAX_ITEMS, MAX_CHARACTERS = 9, 160
 #: Number of rows of a table of results in a notebook.
 SHOWN_ROWS = 5
@@ -63,8 +63,8 @@ def write_value(value: Any) -> str:
 
 
 def describe_as_html(result: Any) -> str:
-    """Describe an object in HTML: its line, the first rows of its table or the keys that differ
-    from their defaults, and a plan of a sensor's head."""
+    """Describe an object in HTML: one line, and the first rows of its table or the keys that differ
+    from their defaults; for a sensor, also a plan of the head."""
     import pandas as pd
 
     if hasattr(result, "to_frame"):
@@ -77,8 +77,8 @@ def describe_as_html(result: Any) -> str:
 
 
 def changed_keys(result: Any, prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
-    """Yield key, value, unit and meaning of the fields that differ from their defaults, those of
-    parts of the object among them."""
+    """Yield key, value, unit and meaning of the fields that differ from their defaults, including
+    fields of the object's parts."""
     sources = {field.name: field.metadata.get("source") for field in fields(result)}
     for name, value in changed_fields(result):
         parts = dict(zip(DETECTORS, value, strict=False)) if isinstance(value, tuple) else {}

@@ -35,13 +35,12 @@ def count_text(number: int, noun: str) -> str:
 
 
 def times_text(number: int) -> str:
-    """Write the number of times that an event happened: "once", "twice", "3 times"."""
+    """Write a number of times: "once", "twice", "3 times"."""
     return {1: "once", 2: "twice"}.get(number, f"{number:,} times")
 
 
 def suggest_name(wrong: str, names: Iterable[str]) -> str:
-    """Suggest the name that is nearest to a wrong one: "; did you mean 'paper'?", or "" if none is
-    near."""
+    """Suggest the name nearest to a wrong one: "; did you mean 'paper'?"; "" if none is similar."""
     from difflib import get_close_matches
 
     nearest = get_close_matches(wrong, list(names), n=1, cutoff=0.55)

@@ -1,9 +1,9 @@
 """Rigid-body motions: rotations as roll, pitch and yaw, the pose of an object on the mirror, and
 their derivatives.
 
-A rotation is R = Rz(yaw) Ry(pitch) Rx(roll). The mirror at the pose (t, R) carries the point p, and
-axes with the orientation Q, to the position t + R p and the orientation R Q. All functions take
-arrays with components last: poses (..., 6) are tx, ty, tz, roll, pitch, yaw in mm and rad.
+A rotation is R = Rz(yaw) Ry(pitch) Rx(roll). With the mirror at the pose (t, R), a point p fixed to
+it has the position t + R p, and axes with the orientation Q have the orientation R Q. Components
+of arrays are last: poses (..., 6) are tx, ty, tz, roll, pitch, yaw in mm and rad.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from .keys import FieldSource, Key, Values, declare, key
 from .units import Floats
 
 Three = tuple[float, float, float]
-#: Largest pitch of an object's axes on the mirror. At 90 degrees roll and yaw are not unique.
+#: Largest pitch of an object's axes on the mirror, since roll and yaw are not unique at 90 degrees.
 MAX_PITCH_DEG = 80.0
-#: Below this cosine of an object's pitch, near a quarter turn, roll and yaw are NaN.
+#: Roll and yaw are NaN if the cosine of an object's pitch is below this.
 LEAST_COSINE = 0.01
 _ANGLES = tuple(
     Key(f"{name}_deg", 0.0, meaning, "deg", float, {"ge": -largest, "le": largest})
@@ -105,10 +105,10 @@ def rotation_matrix(angles: Floats) -> Floats:
 
 
 def rotation_angles(matrix: Floats, near: Three = MIRROR.orientation) -> Floats:
-    """Roll, pitch and yaw (..., 3) of rotation matrices (..., 3, 3), within half a turn of `near`.
+    """Roll, pitch and yaw (..., 3) of rotation matrices (..., 3, 3), rad.
 
-    Roll and yaw are NaN within 0.6 degrees of a pitch of 90 or -90 degrees, and so are then the
-    derivatives of all three angles.
+    near: angles within half a turn of which roll and yaw are returned, rad. Both are NaN within
+    0.6 degrees of a pitch of 90 or -90 degrees.
     """
     cosine = np.hypot(matrix[..., 0, 0], matrix[..., 1, 0])
     pitch = np.arctan2(-matrix[..., 2, 0], cosine)
@@ -121,8 +121,8 @@ def rotation_angles(matrix: Floats, near: Three = MIRROR.orientation) -> Floats:
 
 
 def angle_axes(angles: Floats) -> Floats:
-    """The world axes (..., 3, 3), as columns, about which small changes of roll, pitch and yaw
-    (..., 3) turn a frame."""
+    """Axes in the world, as columns (..., 3, 3), about which small changes of roll, pitch and yaw
+    rotate a frame.  angles: (..., 3) rad."""
     (_, cp, cy), (_, sp, sy) = (np.moveaxis(f(angles), -1, 0) for f in (np.cos, np.sin))
     zero = np.zeros_like(cp)
     columns = ((cy * cp, sy * cp, -sp), (-sy, cy, zero), (zero, zero, zero + 1))
@@ -130,8 +130,8 @@ def angle_axes(angles: Floats) -> Floats:
 
 
 def angle_rates(angles: Floats) -> Floats:
-    """The inverse of `angle_axes`: changes of roll, pitch and yaw by a small rotation in the world,
-    (..., 3, 3)."""
+    """Derivatives (..., 3, 3) of roll, pitch and yaw by a small rotation in the world, the inverse
+    of `angle_axes`.  angles: (..., 3) rad."""
     (_, cp, cy), (_, sp, sy) = (np.moveaxis(f(angles), -1, 0) for f in (np.cos, np.sin))
     zero = np.zeros_like(cp)
     rows = ((cy / cp, sy / cp, zero), (-sy, cy, zero), (cy * sp / cp, sy * sp / cp, zero + 1))
@@ -139,8 +139,8 @@ def angle_rates(angles: Floats) -> Floats:
 
 
 def cross_matrix(vectors: Floats) -> Floats:
-    """Matrices (..., 3, 3) whose product with a vector b is the cross product of `vectors` and
-    b."""
+    """Matrices (..., 3, 3) whose product with a vector b is the cross product of `vectors` (..., 3)
+    with b."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     zero = np.zeros_like(x)
     rows = ((zero, -z, y), (z, zero, -x), (-y, x, zero))
@@ -154,8 +154,11 @@ def _apply(matrix: Floats, vectors: Floats) -> Floats:
 
 
 def _join(translation: Floats, angles: Floats, blocks: tuple[tuple[Floats, Floats], ...]) -> Floats:
-    """Derivatives (..., 6, 6) by a pose from their blocks: of the position by translation and
-    angles, and of the rotation (as a small rotation of the resulting frame's world) by angles."""
+    """Assemble derivatives (..., 6, 6) of a pose by the mirror's pose.
+
+    translation, angles: (..., 3) of the pose.  blocks: derivatives (..., 3, 3) of the position by
+    translation and angles, and of the rotation, as a small rotation in the world.
+    """
     (by_place, by_turn), (_, turn) = blocks
     out = np.zeros((*np.broadcast_shapes(translation.shape, angles.shape)[:-1], 6, 6))
     out[..., :3, :3], out[..., :3, 3:] = by_place, by_turn
@@ -167,7 +170,7 @@ def object_poses(poses: Floats, body: MeasuredObject) -> tuple[Floats, Floats]:
     """Absolute poses (..., 6) of an object at mirror poses (..., 6), and their derivatives
     (..., 6, 6) by the mirror's pose.
 
-    Roll and yaw lie within half a turn of those of the object's orientation.
+    Roll and yaw lie within half a turn of the angles in the object's orientation.
     """
     turn, axes = rotation_matrix(poses[..., 3:]), angle_axes(poses[..., 3:])
     arm = _apply(turn, np.array(body.point, dtype=float))
@@ -183,11 +186,11 @@ def object_poses(poses: Floats, body: MeasuredObject) -> tuple[Floats, Floats]:
 def object_displacements(
     poses: Floats, zero: Floats, body: MeasuredObject
 ) -> tuple[Floats, Floats, Floats]:
-    """Displacements (..., 6) of an object from its pose at the mirror pose `zero`, in its axes
-    there, and their derivatives (..., 6, 6) by the mirror's pose and by `zero`.
+    """Displacements (..., 6) of an object from its pose at the mirror pose `zero`, in the object's
+    axes there, and their derivatives (..., 6, 6) by the mirror's pose and by `zero`.
 
-    poses, zero: mirror poses (..., 6) that broadcast. The displacement is the rigid-body motion
-    D = X0^-1 X of the object's poses X0 and X.
+    poses, zero: mirror poses (..., 6), broadcast. The displacement is the rigid-body motion
+    D = X0^-1 X from the object's pose X0 to X.
     """
     point, orientation = (
         np.array(body.point, dtype=float),
@@ -208,7 +211,7 @@ def object_displacements(
 
 def displacement_slopes(poses: Floats, body: MeasuredObject) -> Floats:
     """Derivatives (..., 6, 6) of an object's displacement from its pose at the mirror's zero, by
-    the mirror's pose (..., 6); as `object_displacements` gives them."""
+    the mirror's pose (..., 6); see `object_displacements`."""
     return object_displacements(poses, np.zeros(6), body)[1]
 
 

@@ -1,4 +1,4 @@
-"""The rules that a pose inside the measurement range keeps."""
+"""Rules that define the measurement range."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from .rigid_body import MeasuredObject
 @check_arguments
 @dataclass(frozen=True)
 class Rules:
-    """The rules that a pose inside the measurement range keeps.
+    """Rules that every pose inside the measurement range keeps.
 
-    whole_spot: the footprint inside the 1/e^2 circle stays on the detector, else the centroid.
-    snr: least power of a spot, without other light on its detector, over the noise of a power.
-    condition: largest condition number of the Jacobian, columns in um and urad, rows in standard
-    deviations.  coarsest: largest standard uncertainty of each axis of the pose, mm and rad.
+    whole_spot: whether the spot inside the 1/e^2 circle must stay on the detector, instead of its
+    centroid.  snr: least power of a spot, without other light on its detector, over the noise of a
+    power.  condition: largest condition number of the Jacobian, columns in um and urad, rows in
+    standard deviations.  coarsest: (6,) largest standard uncertainties of the pose, mm and rad.
     tracking: whether the beam follows the mirror in x and y; otherwise it stays at (0, 0).
-    object: whose axes the ranges are those of: the six numbers of a pose are then the object's
-    displacement from its pose at the mirror's zero; None: those of the mirror's pose.
+    object: object whose displacement from its pose at the mirror's zero the ranges refer to; None:
+    they refer to the mirror's pose.
     """
 
     whole_spot: bool = key(

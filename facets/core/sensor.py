@@ -1,7 +1,7 @@
 """The sensor: one beam, three facets, three position-sensitive detectors, and their noise.
 
-Lengths in mm, angles in rad, powers in mW. Defaults are the rig of Park & Cho, Table 1.
-Every object is frozen and checks itself; a `Sensor` is plain data and knows no optics.
+Lengths are in mm, angles in rad, powers in mW. The defaults describe the rig of Park & Cho, Table
+1. Every object is frozen and checks its values; a `Sensor` is plain data without optics.
 """
 
 from __future__ import annotations
@@ -41,10 +41,11 @@ def _require(condition: bool, what: str, value: object, allowed: str) -> None:
 
 @cache
 def _lower_bounds(kind: type[Any]) -> dict[str, tuple[float, bool, Any]]:
-    """The lowest value of each field in the units of the code, whether it is itself allowed, and
-    what else is: what the field holds where a file says null.
+    """The lower bound of each field in the code's units, whether the bound itself is allowed, and
+    the field's value for null, which is also allowed.
 
-    Limits of a file that only keep typing errors out do not count: an estimate may be beyond them.
+    A negative bound `ge` does not apply: it only prevents typing errors in files, and an estimate
+    may be below it.
     """
     bounds = {}
     for member in fields(kind):
@@ -58,10 +59,10 @@ def _lower_bounds(kind: type[Any]) -> dict[str, tuple[float, bool, Any]]:
 
 
 def _are_allowed(value: object, lowest: float, with_lowest: bool) -> bool:
-    """Whether the numbers of a field, which may hold tuples of them, or none, are finite and above
-    a bound."""
+    """Whether all numbers in a field, which may be in nested tuples, are finite and above a bound;
+    values of other types are allowed."""
     if isinstance(value, tuple):
-        for item in value:  # noqa: SIM110  (no generator: a fit makes thousands of sensors)
+        for item in value:  # noqa: SIM110  (a loop is faster, and a fit makes thousands of sensors)
             if not _are_allowed(item, lowest, with_lowest):
                 return False
         return True
@@ -71,7 +72,8 @@ def _are_allowed(value: object, lowest: float, with_lowest: bool) -> bool:
 
 
 class SensorPart:
-    """A part of the sensor, whose numbers are finite and keep the lower bounds of their keys."""
+    """Base of the sensor's parts; raises `InputError` for numbers that are not finite or below the
+    lower bounds of their keys."""
 
     def __post_init__(self) -> None:
         kind: Any = type(self)
@@ -110,8 +112,8 @@ class Beam(SensorPart):
     Its centre (bx, by) in the x_w y_w plane is part of the state.
 
     power: mW.  diameter_x, diameter_y: 1/e^2 diameters along the beam's own axes, mm.
-    rotation: of those axes about the beam, rad.
-    tilt_x, tilt_y: of the beam about x_w, then y_w, from straight down (0, 0, -1), rad.
+    rotation: rotation of these axes about the beam, rad.
+    tilt_x, tilt_y: rotation of the beam about x_w, then y_w, from straight down (0, 0, -1), rad.
     """
 
     power: float = key("power_mw", 0.3, "laser power", gt=0, le=1000)
@@ -129,8 +131,8 @@ class Beam(SensorPart):
 class Facet(SensorPart):
     """One reflecting side of the mirror, through the apex, in the mirror frame.
 
-    inclination: of its normal from the mirror's axis, rad, between 0 and pi/2.
-    azimuth: of its normal about the mirror's axis, rad.
+    inclination: angle of its normal from the mirror's axis, rad, between 0 and pi/2.
+    azimuth: angle of its normal about the mirror's axis, rad.
     """
 
     inclination: float = key(
@@ -152,16 +154,16 @@ class Facet(SensorPart):
         _require(self.inclination < pi / 2, "facet inclination", self.inclination, "0 to pi/2 rad")
 
 
-#: Powers of y and of z, in half sizes, of the terms that correct a detector's places.
+#: Exponents of y and z, in half sizes, in the terms that correct a detector's positions.
 MONOMIALS = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
 
 
 @check_arguments
 @dataclass(frozen=True)
 class Grid:
-    """Measured corrections of a detector's places on a grid, mm; linear interpolation in between.
+    """Measured corrections of a detector's positions on a grid, interpolated linearly, mm.
 
-    y: (n), z: (m) places, ascending.  add_y, add_z: (n, m) as nested tuples.
+    y: (n,), z: (m,) positions, ascending.  add_y, add_z: (n, m) corrections, as nested tuples.
     """
 
     y: tuple[float, ...]
@@ -183,15 +185,15 @@ class Grid:
 @check_arguments
 @dataclass(frozen=True)
 class Correction(SensorPart):
-    """Corrections that are added to a detector's reading; the places enter in half sizes.
+    """Corrections that are added to a detector's reading, as functions of the position.
 
     power: fraction of the power that is added to it.  dark: constant added to the power, mW.  y, z:
-    coefficients (mm) of `MONOMIALS` (y, z, y2, yz, z2, y3, y2z, yz2, z3) added to psi and zeta.
-    grid: measured corrections, added to both.
+    (9,) coefficients, mm, of `MONOMIALS` of the position in half sizes (y, z, y2, yz, z2, y3, y2z,
+    yz2, z3), added to psi and zeta.  grid: measured corrections, added to both.
     """
 
     power: float = key(
-        "power_percent", 0.0, "share of the power that is added to it", gt=-100, le=1000
+        "power_percent", 0.0, "part of the power that is added to it", gt=-100, le=1000
     )
     dark: float = key("dark_uw", 0.0, "constant added to the power", ge=-1e6, le=1e6)
     y: tuple[float, ...] = key(
@@ -209,7 +211,7 @@ class Correction(SensorPart):
             _require(count == len(MONOMIALS), f"correction {name}", count, "9 coefficients")
 
 
-#: Lowest and highest psi and zeta of an area that holds every sensitive area, mm.
+#: Lowest and highest psi and zeta of an area larger than any sensitive area, mm.
 EVERYWHERE = (-MAX_LENGTH_MM, MAX_LENGTH_MM) * 2
 
 SIZE_MM = Key(
@@ -228,11 +230,11 @@ SIZE_MM = Key(
 class Psd(SensorPart):
     """A position-sensitive detector.
 
-    radius, azimuth, height: its centre in cylinder coordinates of the world frame, mm, rad, mm.
+    radius, azimuth, height: cylindrical coordinates of its centre in the world, mm, rad, mm.
     roll, pitch, yaw: its rotation, R = Rz(yaw) Ry(pitch) Rx(roll), from the nominal orientation in
-    which x points radially outward, z up and y = z cross x; rad.  size_y, size_z: its sensitive
-    area, mm.  usable: the part of it in which readings count, lowest and highest psi and zeta,
-    mm.  correction: of its readings.
+    which x points radially outward, z up and y = z cross x; rad.  size_y, size_z: sides of its
+    sensitive area, mm.  usable: part of this area in which readings are used, lowest and highest
+    psi and zeta, mm.  correction: of its readings.
     """
 
     radius: float = key(
@@ -267,8 +269,8 @@ class Psd(SensorPart):
     usable: tuple[float, ...] = key(
         "usable_mm",
         None,
-        "part of the sensitive area in which readings count, lowest and highest psi and zeta; "
-        "spots beside it are out of range; null: all of it",
+        "part of the sensitive area in which readings are used, lowest and highest psi and zeta; "
+        "spots outside it are out of range; null: all of it",
         hint=tuple[float, float, float, float] | None,
         ge=-MAX_LENGTH_MM,
         le=MAX_LENGTH_MM,
@@ -284,7 +286,10 @@ class Psd(SensorPart):
         )
 
     def limit(self, axis: int, low: float, high: float) -> Psd:
-        """The detector whose readings count between two places only.  axis: 0 of psi, 1 of zeta."""
+        """Return the detector with its usable part limited to an interval, mm, of one axis.
+
+        axis: 0 for psi, 1 for zeta.
+        """
         ends = list(self.usable)
         ends[2 * axis : 2 * axis + 2] = max(ends[2 * axis], low), min(ends[2 * axis + 1], high)
         return replace(self, usable=tuple(ends))
@@ -295,9 +300,9 @@ class Psd(SensorPart):
 class Noise(SensorPart):
     """Noise of the readings, 1 sigma.
 
-    It is Gaussian, and independent from reading to reading.
+    It is Gaussian, and independent between readings.
 
-    position: of a centroid, mm, at the stated `at_power`, mW; it grows as 1/power.
+    position: of a centroid, mm, at the power `at_power`, mW; it is proportional to 1/power.
     power: of a power reading, mW.
     """
 
@@ -317,17 +322,17 @@ class Noise(SensorPart):
 @check_arguments
 @dataclass(frozen=True)
 class Electronics(SensorPart):
-    """The detectors' electronics; their noise counts where `noise.model` is electronics.
+    """The detectors' electronics, which determine the noise if `noise.model` is electronics.
 
-    The noise follows from them in `facets.detectors.noise`.
+    `facets.detectors.noise` computes the noise.
 
     kind: of the PSDs: "duo-lateral", "pincushion" or "tetra-lateral".  responsivity: A/W.
     dark_current: of a PSD, A.  resistance: between electrodes, ohm.  transimpedance: of each
     electrode's amplifier, ohm (V/A); voltage_noise, current_noise: of the amplifier, V and A per
-    root Hz.  bandwidth: Hz.  temperature: K.  adc_bits, adc_range: of the converter behind it, V
-    full scale.  ambient: background light on a PSD, mW; its mean is subtracted, its noise stays.
-    power_noise: of the laser, relative, from sample to sample.  pointing: jitter of the beam's
-    position in x and y, mm.
+    root Hz.  bandwidth: Hz.  temperature: K.  adc_bits: resolution of the converter.  adc_range:
+    its full scale, V.  ambient: background light on a PSD, mW; its mean is subtracted, its noise
+    remains.  power_noise: relative noise of the laser's power between samples.  pointing: jitter
+    of the beam's position in x and y, mm.
     """
 
     kind: Literal["duo-lateral", "pincushion", "tetra-lateral"] = key(
@@ -392,15 +397,15 @@ class Electronics(SensorPart):
 @check_arguments
 @dataclass(frozen=True)
 class Apertures(SensorPart):
-    """Apertures that cut the light, in addition to the facets' edges; off unless given.
+    """Apertures that cut the light, in addition to the facets' edges; off by default.
 
-    beam: diameter of an aperture in the beam over the beam's 1/e^2 diameter; of the beam's own
-    shape and centred on it, so 1 cuts where the irradiance has fallen to 1/e^2. detectors: whether
-    the light past a PSD's sensitive area is lost. The solver then treats a spot that an edge cuts
-    as out of range, because its centroid hardly moves any more. tip, rim: the mirror reflects from
-    `tip` to `rim` off its axis, counted towards where a facet faces, so that both its flat top and
-    its foot are bounded by straight edges; mm. gap: width of the strip that is lost along each
-    edge, half of it on either facet, mm.
+    beam: diameter of an aperture in the beam over the beam's 1/e^2 diameter; it has the beam's
+    shape and centre, so that 1 cuts where the irradiance has fallen to 1/e^2.  detectors: whether
+    light past a PSD's sensitive area is lost. The solver then treats a spot that an edge cuts as
+    out of range, because its centroid hardly moves.  tip, rim: distances from the mirror's axis,
+    along each facet's azimuth, between which the facets reflect, mm; straight edges bound the flat
+    tip and the foot.  gap: width of the strip that is lost along each edge, half of it on either
+    facet, mm.
     """
 
     beam: float = key(
@@ -458,12 +463,12 @@ STAIN_ORDERS = tuple((a, n - a) for n in range(5) for a in range(n + 1))
 class LightEffect(NamedTuple):
     """Properties of a field of `BenchLight` for the model and calibrations, except its formula.
 
-    names: of its numbers in a calibration, in their order.
+    names: names of the field's numbers in a calibration, in order.
     candidate: the key of `LIGHT_CANDIDATES` to which the numbers belong.
-    sigma: their standard uncertainties before a calibration, in the units of the code, one for all
-    or one for each; 0 for a number that is not fitted.
-    apertures: why it cannot be combined with apertures, and the remedy; empty if it can.
-    absent: its numbers where the field is None.
+    sigma: standard uncertainties before a calibration, in the code's units, one for all numbers or
+    one for each; 0 for a number that is not fitted.
+    apertures: why the effect cannot be combined with apertures, or a remedy; empty if it can.
+    absent: the numbers if the field is None.
     """
 
     names: tuple[str, ...]
@@ -474,13 +479,13 @@ class LightEffect(NamedTuple):
 
     @property
     def sigmas(self) -> dict[str, float]:
-        """Standard uncertainties of the numbers that are fitted, by name."""
-        each = self.sigma if isinstance(self.sigma, tuple) else (self.sigma,) * len(self.names)
-        return {name: size for name, size in zip(self.names, each, strict=True) if size}
+        """Standard uncertainties before a calibration of the numbers that are fitted, by name."""
+        sizes = self.sigma if isinstance(self.sigma, tuple) else (self.sigma,) * len(self.names)
+        return {name: size for name, size in zip(self.names, sizes, strict=True) if size}
 
 
-#: What a calibration may find of a bench's light, in the order in which it tries them: the meaning
-#: of each key of `calibrate.effects`, and a noun phrase for messages.
+#: Effects of a bench's light that a calibration tries, in this order: for each key of
+#: `calibrate.effects` its meaning, and a noun phrase for messages.
 LIGHT_CANDIDATES = {
     "curvature": ("curvature of the wavefront, along two axes", "a wavefront that is not flat"),
     "diffraction": ("diffraction at the facets' edges", "diffraction at the facets' edges"),
@@ -506,7 +511,7 @@ CURVATURE: dict[str, Any] = {
 
 
 def declare_effect(field: Any, *names: str, **effect: Any) -> Any:
-    """A field of `BenchLight` with its `LightEffect`."""
+    """Declare a field of `BenchLight` with its `LightEffect`."""
     effect_of_field = LightEffect(names, **effect)
     field.metadata = MappingProxyType({**field.metadata, "effect": effect_of_field})
     return field
@@ -523,28 +528,30 @@ CURVATURE_PER_M = Key(
 )
 
 
-#: Distance from the beam's middle, in its sigmas, within which the irradiance must be positive.
-#: Farther out, where there is next to no light, a series of few terms may become negative.
+#: Distance from the beam's centre, in its sigmas, within which the irradiance must be positive.
+#: Farther out, where there is hardly any light, a series of few terms may become negative.
 PROFILE_SIGMAS = 2.0
 
 
 def lowest_irradiance(asymmetry: Four, profile: Five) -> float:
-    """The least irradiance within PROFILE_SIGMAS, over that of a Gaussian beam."""
+    """The least irradiance within PROFILE_SIGMAS, as a ratio to a Gaussian beam's irradiance.
+
+    asymmetry, profile: coefficients as in `BenchLight`.
+    """
     lowest = math.inf
     for n in range(32):
         for m in range(17):
             radius = PROFILE_SIGMAS * m / 16
             x, y = radius * math.cos(pi * n / 16), radius * math.sin(pi * n / 16)
-            of_x, of_y = ((1.0, t, t * t - 1, t**3 - 3 * t, t**4 - 6 * t * t + 3) for t in (x, y))
-            odd = (c * of_x[3 - k] * of_y[k] for k, c in enumerate(asymmetry))
-            even = (c * of_x[4 - k] * of_y[k] for k, c in enumerate(profile))
+            he_x, he_y = ((1.0, t, t * t - 1, t**3 - 3 * t, t**4 - 6 * t * t + 3) for t in (x, y))
+            odd = (c * he_x[3 - k] * he_y[k] for k, c in enumerate(asymmetry))
+            even = (c * he_x[4 - k] * he_y[k] for k, c in enumerate(profile))
             lowest = min(lowest, 1 + sum(odd) + sum(even))
     return lowest
 
 
 def background_field() -> Any:
-    """Declare background light on the detectors: keys for its power and its place, and one field
-    for both."""
+    """Declare one field for background light on the detectors, with keys for power and position."""
     keys = (
         Key(
             "background_uw",
@@ -577,25 +584,28 @@ def background_field() -> Any:
 @check_arguments
 @dataclass(frozen=True)
 class BenchLight(SensorPart):
-    """Effects of real light that the model of every reading includes; off unless given.
+    """Effects of real light that the model of every reading includes; off by default.
 
-    curvature_xx, curvature_xy, curvature_yy: curvature of the wavefront at (bx, by, 0), one over
-    its radius, positive where the beam diverges, 1/mm. Its axes are the world's x and y, turned
-    with the beam's tilt but not with the rotation of its ellipse.  wavelength: for the diffraction
-    at the facets' edges, mm; 0 for none.  rolloff: depth of the surface below its facet's plane at
-    an edge, for `FACET_EDGES`, mm.  rolloff_width: width of the strip over which the surface falls
-    linearly, mm, narrow compared with the beam.  strips: width of the strip that is lost along each
-    of `EDGES`, half of it on either facet, mm.  tip: area, square to the mirror's axis, that is
-    lost at a worn apex, mm^2.  background: background light on detectors A, B and C: power (mW) and
-    its centroid's y and z (mm).  index: complex refractive index (n, k) of the facets' coating,
-    None for ideal reflection.  polarization: angle of the light's field from that x axis, rad; None
-    for unpolarised.  delays: delays of detectors A, B and C after the stated time, s. They belong
-    to recordings, not to single readings (`facets.detectors.skew`).
+    curvature_xx, curvature_xy, curvature_yy: curvature of the wavefront at (bx, by, 0), 1/mm, the
+    inverse of its radius, positive if the beam diverges. The axes x and y are the world's, rotated
+    with the beam's tilt but not with its ellipse.  wavelength: for the diffraction at the facets'
+    edges, mm; 0: no diffraction.  rolloff: (6,) depth of the surface below its facet's plane at
+    each of `FACET_EDGES`, mm.  rolloff_width: width of the strip over which the surface falls
+    linearly, mm, narrow compared with the beam.  strips: (3,) width of the strip that is lost along
+    each of `EDGES`, half of it on either facet, mm.  tip: area, perpendicular to the mirror's axis,
+    that is lost at a worn apex, mm^2.
+
+    background: background light on detectors A, B and C: power, mW, and its centroid's psi and
+    zeta, mm.  index: complex refractive index (n, k) of the facets' coating; None: ideal
+    reflection.  polarization: angle of the light's field from the x axis of the curvature, rad;
+    None: unpolarised.  delays: delays of detectors A, B and C after a sample's stated time, s. They
+    affect recordings, not single readings (`facets.detectors.skew`).
+
     profile: coefficients of He_4(x), He_3(x) He_1(y), He_2(x) He_2(y), He_1(x) He_3(y) and He_4(y).
-    The Gaussian irradiance is multiplied by 1 plus the sum of these Hermite polynomials, along the
-    same x and y, in units of the beam's sigma.  asymmetry: the same for He_3(x), He_2(x) He_1(y),
-    He_1(x) He_2(y) and He_3(y).  stains: for each facet, coefficients of the light that dust, chips
-    and stains take from it, a fraction of the beam's power; see `optics.stains`.
+    The Gaussian irradiance is multiplied by 1 plus the sum of these Hermite polynomials of x and y,
+    in units of the beam's sigma.  asymmetry: coefficients of He_3(x), He_2(x) He_1(y), He_1(x)
+    He_2(y) and He_3(y), likewise.  stains: for each facet, coefficients of the light that dust,
+    chips and stains take from it, as fractions of the beam's power; see `optics.stains`.
     """
 
     curvature_xx: float = declare_effect(
@@ -777,8 +787,8 @@ class BenchLight(SensorPart):
 
     @cached_property
     def edge_effects(self) -> tuple[str, ...]:
-        """The given effects that cannot be combined with apertures: those at the edges, and the
-        wavefront's curvature."""
+        """Names of the effects that are on but cannot be combined with apertures: effects at edges,
+        of the wavefront and of the profile."""
         ideal = BenchLight()
         return tuple(
             name
@@ -788,8 +798,8 @@ class BenchLight(SensorPart):
 
     @cached_property
     def on(self) -> bool:
-        """Whether readings differ from those of ideal light; cached, because every call of the
-        model asks."""
+        """Whether readings differ from readings in ideal light; cached, because every call of the
+        model needs it."""
         return replace(self, delays=(0.0, 0.0, 0.0), polarization=None) != BenchLight()
 
 
@@ -805,17 +815,16 @@ EFFECTS = tuple(name for effect in LIGHT_EFFECTS.values() for name in effect.nam
 @check_arguments
 @dataclass(frozen=True)
 class Thermal(SensorPart):
-    """How the beam's position and the places on the detectors follow the temperature.
+    """Temperature coefficients of the beam's position and of the positions on the detectors.
 
-    reference: the temperature at which nothing is added, degrees Celsius.  beam: shift of the
-    beam's position in x and y, mm/K.  places: what is added to the places psi and zeta of detectors
-    A, B and C in turn, mm/K.
+    reference: temperature without a shift, degrees Celsius.  beam: shift of the beam's position in
+    x and y, mm/K.  places: (6,) shift of psi and zeta of detectors A, B and C, mm/K.
     """
 
     reference: float = key(
         "reference_c",
         20.0,
-        "temperature at which nothing is added",
+        "temperature without a shift",
         **bounds_of(TEMPERATURE_COLUMN),
     )
     beam: Pair = key(
@@ -837,7 +846,7 @@ class Thermal(SensorPart):
 
     @property
     def is_on(self) -> bool:
-        """Whether anything follows the temperature."""
+        """Whether any coefficient is not zero."""
         return any((*self.beam, *self.places))
 
 
@@ -847,10 +856,10 @@ class Drift(SensorPart):
     """Slow noise in addition to the white noise of the readings: one-sided densities at 1 Hz.
 
     flicker_corner: frequency at which the 1/f noise of the amplifiers equals their white noise, Hz;
-    counts with `Sensor.electronics`. air: of the places psi and zeta of each spot, mm/sqrt(Hz),
-    falling as 1/sqrt(f). pointing: of the beam's position in x and in y, mm/sqrt(Hz), falling as
-    1/f: a random walk. temperature: K/sqrt(Hz), falling as 1/f; the coefficients of `Thermal` carry
-    it to the beam and the places.
+    used with `Sensor.electronics`.  air: of psi and zeta of each spot, mm/sqrt(Hz), proportional to
+    1/sqrt(f).  pointing: of the beam's position in x and in y, mm/sqrt(Hz), proportional to 1/f (a
+    random walk).  temperature: K/sqrt(Hz), proportional to 1/f; `Thermal` has its effect on the
+    beam and the positions.
     """
 
     flicker_corner: float = key(
@@ -889,9 +898,9 @@ class Drift(SensorPart):
 class Calibration:
     """The covariance of the sensor's parameters after a calibration.
 
-    names: of parameters (`facets.PARAMETERS`) and of corrections (`correction.NAMES`). covariance:
-    (n, n) as nested tuples, in mm, rad, mW and shares.  degrees_of_freedom: of the residuals from
-    which the size of the covariance is known; None: unknown.
+    names: (n,) names of parameters (`detectors.calibrated.KNOWN`).  covariance: (n, n) as nested
+    tuples, in mm, rad, mW and fractions.  degrees_of_freedom: of the residuals by which the
+    covariance was scaled; None: unknown.
     """
 
     names: tuple[str, ...]
@@ -915,13 +924,13 @@ def _equal_thirds(kind: type[Any]) -> tuple[Any, ...]:
 class Sensor:
     """The sensor: beam, mirror and detectors. `facets` and `psds` are in the order A, B, C.
 
-    electronics: if given, noise follows from it instead of from `noise`. calibration: if given, its
-    uncertainty is part of every pose's uncertainty.
-    light: effects in the model of every reading. thermal: what follows the temperature, where a
-    table of readings has it. drift: slow noise, in simulations and in stated densities.
+    electronics: determine the noise, instead of `noise`, if not None.  calibration: covariance of
+    the parameters, which is part of every pose's uncertainty, if not None.  light: effects in the
+    model of every reading.  thermal: temperature coefficients, for readings with a temperature.
+    drift: slow noise, in simulations and in stated densities.
 
-    Seen from above the facets follow each other counter-clockwise, each by less than half a turn
-    from the one before; otherwise they do not form a pyramid.
+    Seen from above the facets follow each other counter-clockwise, each less than half a turn from
+    the previous one; otherwise they do not form a pyramid, and `InputError` is raised.
     """
 
     beam: Beam = Beam()

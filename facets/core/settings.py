@@ -41,7 +41,7 @@ LINE = {
 
 @dataclass(frozen=True)
 class Acquire:
-    """The detector board's stream; `sensor.electronics` says how counts become light."""
+    """The detector board's stream; `sensor.electronics` determines how counts become light."""
 
     port: str | None = key(
         "port",
@@ -153,9 +153,9 @@ class Stage:
         "feedforward",
         "control law: Eq. (14), Eq. (14) with an integral term, or the solved position of the apex",
     )
-    gain: float = key("gain", 0.5, "share of the error that one command corrects", gt=0, le=2)
+    gain: float = key("gain", 0.5, "fraction of the error that one command corrects", gt=0, le=2)
     integral: float = key(
-        "integral", 0.1, "for `pi`: share of the summed error that one command corrects", ge=0, le=1
+        "integral", 0.1, "for `pi`: fraction of the summed error that it corrects", ge=0, le=1
     )
     stale: float = key(
         "stale_ms",
@@ -200,7 +200,7 @@ class Stage:
         "native_limits",
         None,
         "largest speed and acceleration of each axis in the controller's own units, whatever "
-        "`step_um` is, beside those that follow from `max_speed_mm_s` and `acceleration_mm_s2` "
+        "`step_um` is, in addition to those of `max_speed_mm_s` and `acceleration_mm_s2` "
         "(Zaber: maxspeed, accel; PI: VEL, ACC and DEC; Kinesis: steps/s, steps/s2)",
         gt=0,
         le=1e12,
@@ -237,7 +237,7 @@ class Stage:
     search_reversals: int = key(
         "search_reversals",
         6,
-        "how often the light may lead a search back before it ends",
+        "number of times that the light may reverse a search before it ends",
         ge=0,
         le=1000,
     )
@@ -266,7 +266,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Solve:
-    """How readings are solved for the pose."""
+    """Settings of the solver of poses."""
 
     beam: Literal["free", "known", "prior"] = key(
         "beam",
@@ -284,8 +284,7 @@ class Solve:
     beam_offset: Pair = key(
         "beam_offset_um",
         (0.0, 0.0),
-        "position of the beam beside the one that `known` and `prior` name, as `facets rezero` "
-        "writes it",
+        "shift of the beam from the position of `known` and `prior`, as `facets rezero` writes it",
         ge=-1e6,
         le=1e6,
     )
@@ -308,7 +307,7 @@ class Solve:
     start: Literal["zero", "previous"] = key(
         "start",
         "zero",
-        "initial guess: zero, or the solution of the sample before",
+        "initial guess: zero, or the solution of the previous sample",
     )
     max_steps: int = key(
         "max_steps",
@@ -320,20 +319,20 @@ class Solve:
     accept_unchecked: bool = key(
         "accept_unchecked",
         False,
-        "whether to output poses that hardly anything checks, such as those from two detectors",
+        "whether to output poses without redundancy to check them, such as from two detectors",
     )
 
     def knowledge(self, sensor: Sensor, position: Floats | None = None) -> Knowledge:
-        """Return the knowledge of the beam that these settings state, as `facets.solve` takes it.
+        """Return the prior knowledge of the beam in the form for `facets.solve`.
 
-        A known beam or power is known within the laser's own noise (`Electronics.pointing`,
-        `power_noise`). position: (n, 2) or (1, 2) of the beam, mm; by default the origin.
+        The uncertainty of a known beam or power is the laser's own noise (`Electronics.pointing`,
+        `power_noise`).  position: (n, 2) or (1, 2) of the beam, mm; by default the origin;
         `beam_offset` is added to it.
         """
         return Knowledge(beam=self._beam(sensor, position), power=self._power(sensor))
 
     def question(self, knowledge: Knowledge) -> Question:
-        """Return the question that readings are solved for with some knowledge of the beam."""
+        """Return the settings of one solve with some prior knowledge of the beam."""
         return Question(
             knowledge.beam, knowledge.power, self.method, self.max_steps,
             accept_unchecked=self.accept_unchecked,
@@ -365,7 +364,7 @@ SIMULATE = Key(
     "settings of `facets simulate`",
     block=block_of_keys(
         "Simulate",
-        "What `facets simulate` adds to the motions.",
+        "Settings of `facets simulate`.",
         [
             Key("noise", True, "whether readings carry noise", hint=bool),
             Key(
@@ -382,8 +381,8 @@ SIMULATE = Key(
 
 
 def resolved_text(resolved: dict[str, Any]) -> str:
-    """Resolved keys as compact JSON, whose SHA-256 identifies a configuration. The order of motions
-    counts: they run in it."""
+    """Write resolved keys as compact JSON, whose SHA-256 identifies a configuration; in the order
+    of the keys, because motions run in this order."""
     return json.dumps(resolved, separators=(",", ":"), allow_nan=False)
 
 
@@ -393,8 +392,8 @@ class Config:
     """A checked configuration.
 
     name: file name without suffix.  path: of the file.  electronics: of the detectors, even if the
-    noise does not follow from them.  resolved: the same as plain types with every default filled
-    in, in the units of the YAML keys.  sha256: of `resolved` as JSON; equal sums mean equal
+    noise does not follow from them.  resolved: the same as plain types, with all defaults, in the
+    units of the YAML keys.  sha256: checksum of `resolved_text`; equal checksums mean equal
     sensors, motions and settings.
     """
 
@@ -410,21 +409,21 @@ class Config:
     solve: Solve = key("solve", {}, "settings of the solver", block=block_of(Solve))
     acquire: Acquire = key("acquire", {}, "the detector board's stream", block=block_of(Acquire))
     stage: Stage = key("stage", {}, "the stage that carries the beam", block=block_of(Stage))
-    range: Rules = key("range", {}, "what counts as the measurement range", block=block_of(Rules))
+    range: Rules = key("range", {}, "rules of the measurement range", block=block_of(Rules))
     calibrate: Calibrate = key(
-        "calibrate", {}, "what `facets calibrate` takes and finds", block=block_of(Calibrate)
+        "calibrate", {}, "settings of `facets calibrate`", block=block_of(Calibrate)
     )
-    layout: Layout = key("optimize", {}, "what `facets optimize` looks for", block=block_of(Layout))
+    layout: Layout = key("optimize", {}, "settings of `facets optimize`", block=block_of(Layout))
     object: MeasuredObject | None = key(
         "object",
         {},
-        "point of interest on the measured object, and the object's axes; without it results are "
-        "those of the mirror's apex alone",
+        "point of interest on the measured object, and the object's axes; without it results "
+        "refer to the mirror's apex alone",
         block=block_of(MeasuredObject),
         convert=drop_mirror,
     )
 
     @property
     def summary(self) -> str:
-        """The name, the number of motions, and what differs from the paper's sensor."""
+        """The name, the number of motions, and the sensor's differences from the paper's."""
         return f"{self.name}, {count_text(len(self.motions), 'motion')}, {self.sensor!r}"

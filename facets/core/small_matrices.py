@@ -1,8 +1,8 @@
-"""Linear algebra of a few hundred unknowns, which threads only slow down.
+"""Linear algebra of a few hundred unknowns on one thread.
 
-A product of matrices of this size takes some milliseconds on one core. Shared among threads it
-takes no less, and tens of times as long where other programs keep a core busy, since each thread
-waits for the slowest.
+A product of such matrices takes some milliseconds on one core. On several threads it takes no less
+time, and tens of times as long if other programs use a core, since all threads wait for the
+slowest.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ R = TypeVar("R")
 
 
 def one_thread(function: Callable[P, R]) -> Callable[P, R]:
-    """The function, with linear algebra on one thread while it runs."""
+    """Decorate a function so that its linear algebra runs on one thread."""
 
     @wraps(function)
-    def alone(*args: P.args, **kwargs: P.kwargs) -> R:
+    def run_on_one_thread(*args: P.args, **kwargs: P.kwargs) -> R:
         from threadpoolctl import threadpool_limits
 
         with threadpool_limits(1, user_api="blas"):
             return function(*args, **kwargs)
 
-    return alone
+    return run_on_one_thread

@@ -1,6 +1,6 @@
-"""Types of arrays, units with their factors to the units of the code, and how a unit is written.
+"""Types of arrays, units with their factors to the code's units, and the spelling of units.
 
-The code works in mm, rad, mW and s. Output has places in mm and mrad, and errors in µm and µrad.
+The code works in mm, rad, mW and s. Output has positions in mm and mrad, and errors in µm and µrad.
 The micro sign is µ in text, and u in names that must be ASCII: columns of tables and keys of a
 configuration.
 """
@@ -18,7 +18,7 @@ from .names import ANGLES, FINE_UNITS, STATE_UNITS
 
 __all__ = ["FINE_UNITS", "STATE_UNITS"]
 
-#: Types of arrays. A docstring gives the shape; components are last.
+#: Types of arrays. Docstrings state the shapes; components are last.
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Rows = NDArray[np.void]
@@ -26,13 +26,13 @@ Booleans = NDArray[np.bool_]
 Complexes = NDArray[np.complex128]
 
 MICRO = "µ"
-#: Values of one unit in the code's unit: mm for lengths, rad for angles, mW for powers.
+#: Factors from the code's units (mm, rad, mW) to µm, mrad, µrad and µW.
 UM, MRAD, URAD, UW = 1e3, 1e3, 1e6, 1e3
 
 
 class AxisUnit(NamedTuple):
-    """Output units of an axis: unit and factor of its places, then unit and factor of its
-    errors."""
+    """Output units of an axis: unit of its positions with the factor from the code's unit, and unit
+    of its errors with this factor."""
 
     unit: str
     factor: float
@@ -50,12 +50,12 @@ def unit_of(name: str) -> AxisUnit:
 
 
 def write_micro(unit: str) -> str:
-    """Write the unit of a column or a key for people: "um" is "µm"."""
+    """Write the unit of a column or a key for people: "µm" for "um"."""
     return MICRO + unit[1:] if unit in ("um", "urad", "uw", "uW") else unit
 
 
 def ascii_unit(text: str) -> str:
-    """Write text for a table's column or cell: "µm" is "um"."""
+    """Write text for a table's column or cell: "um" for "µm"."""
     return text.replace(MICRO, "u")
 
 
@@ -68,10 +68,10 @@ def round_to(value: float, uncertainty: float) -> str:
 
 
 class KeyUnit(NamedTuple):
-    """A unit with which the names of configuration keys end.
+    """A unit at the end of configuration keys' names.
 
-    label: as people write it.  to_code: converts from this unit to that of the code (mm, rad, mW,
-    s, V, A, ohm, Hz, K, N).  to_key: converts back.
+    label: usual spelling.  to_code: converts from this unit to the code's (mm, rad, mW, s, V, A,
+    ohm, Hz, K, N).  to_key: converts back.
     """
 
     label: str
@@ -88,12 +88,12 @@ def _multiply(label: str, factor: float, back: float) -> KeyUnit:
 
 
 def _invert(label: str) -> str:
-    """One over a unit: "1/um", "1/(m/s^2)"."""
+    """The inverse of a unit: "1/um", "1/(m/s^2)"."""
     return f"1/({label})" if "/" in label else f"1/{label}"
 
 
-#: Whether a factor divides or multiplies decides the last bit; do not change it, so that a file
-#: gives the same sensor in every version.
+#: Units of configuration keys, by the endings of names. Whether a factor divides or multiplies
+#: affects the last bit; it must not change, so that a file defines the same sensor in all versions.
 KEY_UNITS = {
     "mm": KeyUnit("mm"),
     "um": _divide("um", UM),
@@ -138,8 +138,8 @@ KEY_UNITS |= {
     for name in ("um", "urad", "mm_s", "mrad_s", "m_s2", "rad_s2")
 }
 
-#: Least and largest plausible value of a column or a key, by the end of its name. Other values are
-#: in another unit, such as a temperature in kelvin, or come from a broken sensor.
+#: Least and largest plausible value of a column or a key, by the ending of its name. Other values
+#: have another unit, such as a temperature in kelvin, or come from a broken sensor.
 PLAUSIBLE = {
     "temperature_c": (-60.0, 150.0),
     "temperature_k": (60.0, 450.0),
@@ -150,8 +150,7 @@ PLAUSIBLE = {
 
 
 def bounds_of(name: str) -> dict[str, float]:
-    """The plausible range of a column or a key in the form of a key's bounds; empty if there is
-    none."""
+    """The plausible range of a column or a key, as the bounds of a key; empty if there is none."""
     return next(({"ge": a, "le": b} for end, (a, b) in PLAUSIBLE.items() if name.endswith(end)), {})
 
 
@@ -162,8 +161,8 @@ def describe_bounds(name: str) -> str:
 
 
 def find_implausible(values: Floats, name: str) -> Booleans:
-    """Whether each number of a column is not plausible in its unit, such as an infinite one; NaN
-    counts as plausible."""
+    """Whether each number of a column is implausible in its unit, for example infinite; NaN counts
+    as plausible."""
     low, high = bounds_of(name).values() or (-np.inf, np.inf)
     is_implausible: Booleans = (values < low) | (values > high)
     return is_implausible
