@@ -135,7 +135,10 @@ def show(resolutions: list[Resolution], coverage: float | None = None) -> None:
         f"{name} {core.units.unit_of(name).factor * half:.4g} {core.units.unit_of(name).unit}"
         for name, half in zip(POSE, resolutions[0].box, strict=True)
     ]
-    report_lines(f"The box, +-, all six axes at once: {', '.join(box)}.")
+    report_lines(
+        f"The box, +-, all six axes at once: {', '.join(box)}. It is narrower than each axis's own "
+        "range, so its worst uncertainty can be the smaller one."
+    )
     finer = resolutions[0].worst / resolutions[-1].worst
     gains = ", ".join(f"{name} {gain:.3g}" for name, gain in zip(POSE, finer, strict=True))
     print(f"with the beam known, finer than the paper's inversion by: {gains}\n")
