@@ -3,6 +3,9 @@
 The readings are solved with the nominal sensor. At the offset, the reference's motion agrees best
 with these poses. A cubic spline interpolates the reference, and the remaining offset is an unknown
 of the fit (`reference.delay`).
+
+Columns (rows,) have their units in their names; times and offsets are in s, poses (n, 6) in mm and
+rad.
 """
 
 from __future__ import annotations

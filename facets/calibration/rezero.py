@@ -469,8 +469,8 @@ class StopComparison:
     def explain(
         self, weights: Floats, reduced: Floats, pulled: Floats
     ) -> list[tuple[Alternative, str]]:
-        """Alternatives that would explain the residuals, with their sizes: a motion of the mirror
-        along one axis, or a detector that moved; see `remainder`."""
+        """Alternatives, the likeliest first, that would explain the residuals, with their sizes: a
+        motion of the mirror along one axis, or a detector that moved; see `remainder`."""
         tried = possible_moves(jacobian(self.sensor, self.states))
         scores = []
         for alternative, axes, columns in tried:

@@ -245,7 +245,8 @@ class Plain:
     promising: bool
 
     def is_better_than(self, other: Plain) -> bool:
-        """Whether this fit converged and the other did not, or its chi-square is clearly lower."""
+        """Whether chi-square is clearly lower than another fit's, or lower at all if that did not
+        converge; False if only the other converged."""
         if not self.fit.ended and other.fit.ended:
             return False
         factor = LEAST_CURE if other.fit.ended else 1.0

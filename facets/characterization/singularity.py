@@ -158,7 +158,8 @@ def survey(
 
 
 def empty_survey(offset: Floats, values: Floats) -> Survey:
-    """A survey without counts whose classes cover the first chunk and a margin."""
+    """A survey without counts whose classes cover the first chunk and a margin. offset: (n,), mm.
+    values: (n, 3), see `measures`."""
     with np.errstate(invalid="ignore"):
         top = float(offset.max(initial=0.0)) * 1.02 or 1.0
         ends = [extent_of(values[:, 0]), extent_of(values[:, 1])]

@@ -71,7 +71,7 @@ class VariedSensors(NamedTuple):
         return lit_kind(self.sensor)
 
     def rows(self, which: slice | Floats) -> VariedSensors:
-        """Some of the sensors."""
+        """The sensors of some rows, which a slice or an index selects."""
         some = None if self.effects is None else self.effects[which]
         return VariedSensors(self.sensor, self.parameters[which], some)
 

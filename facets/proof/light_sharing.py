@@ -12,6 +12,9 @@ The centroid c of a facet's light moves by dc = (1 - S) dq plus the effect of th
 Here S, the covariance of a normal distribution restricted to a convex set, lies between 0 and 1
 (Brascamp & Lieb). All of this needs only exp and erfc for each edge. docs/uniqueness.md has the
 theorem that uses it.
+
+Offsets q and unit vectors u are intervals (2,), angles are in rad, and the light on a facet or
+along an edge is a fraction of the beam's.
 """
 
 from __future__ import annotations
@@ -194,7 +197,7 @@ def least_sine(opening: Interval) -> Interval:
 
 
 def least_share_over(edges: FacetEdges, q: Intervals, depth: int = 0) -> float:
-    """A lower bound of the three shares over a box of offsets."""
+    """A lower bound, 0 if none is found, of the three shares over a box of offsets."""
     lights = light_on_facets(edges, q)
     if are_sharp(lights):
         return min(ends(light.mass)[0] for light in lights)

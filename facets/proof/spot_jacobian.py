@@ -2,6 +2,9 @@
 
 The poses, the sensor's parameters and the light's bounds are all intervals. A facet that may be
 turned past the beam, or a sub-beam that may miss its detector, raises `NotFacing`.
+
+Poses, and their ends low and high, are (6,) in mm and rad; Jacobians (6, 6) have a row for each
+coordinate of a spot, mm, of detectors A, B and C.
 """
 
 from __future__ import annotations

@@ -11,6 +11,8 @@ place then. Beyond either limit it stops.
 Every stop latches: nothing is sent until somebody resumes, even if all becomes good again. The
 external permit and the heartbeat, if configured, are needed for every command, and a stage that
 does not go where it is sent is stopped (`arrival`).
+
+Places (2,) are in mm, times in s on the run's clock.
 """
 
 from __future__ import annotations

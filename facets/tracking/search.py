@@ -4,6 +4,8 @@ Light shows the direction of the mirror over several millimetres, so the stage m
 the limits of following. In the dark it returns to the last good place, or to the place where the
 light was lost, and moves from there in a spiral, at lower speed and in shorter steps. Settings
 bound the time, the distance from the last good place, and how often the light may lead back.
+
+Places (2,) are in mm.
 """
 
 from __future__ import annotations

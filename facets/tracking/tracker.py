@@ -1,4 +1,8 @@
-"""The loop that makes the beam follow the mirror, and the thread that watches the loop."""
+"""The loop that makes the beam follow the mirror, and the thread that watches the loop.
+
+Places (2,) are in mm, times in s on the run's clock. A fault of the stage ends the loop with a
+stop.
+"""
 
 from __future__ import annotations
 

@@ -57,7 +57,8 @@ FINER_FREQUENCIES = 17
 
 
 def wave_test(key: str, make: Columns, sigma: Floats | float) -> Test:
-    """The test of columns that oscillate; the trace's place is the best frequency."""
+    """The test of columns that oscillate; the trace's place is the best frequency, cycles per row.
+    sigma: prior standard uncertainty of the amounts."""
 
     def test(remainder: Remainder) -> Trace:
         made, tried = make(remainder), columns.frequencies(remainder)
@@ -266,7 +267,8 @@ def period(trace: Trace, remainder: Remainder) -> str:
 def one_facet_test(
     key: str, make: Columns, sigma: Floats | float, bases: Columns = columns.constant
 ) -> Test:
-    """The test of the columns of one facet, the best of three; its number is the trace's place."""
+    """The test of the columns of one facet, the best of three; its number (0 to 2) is the trace's
+    place. sigma: prior standard uncertainty of the amounts."""
 
     def test(remainder: Remainder) -> Trace:
         parts, basis = np.split(make(remainder), 3, axis=2), bases(remainder)

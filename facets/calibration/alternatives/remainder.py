@@ -134,7 +134,7 @@ class Remainder(Residuals):
         return rest
 
     def project(self, columns: Floats, amounts: Floats) -> Floats:
-        """P C a: (n, 9)."""
+        """P C a (n, 9), for columns C (n, 9, q) and amounts a (q,)."""
         effect = (columns @ amounts)[:, :, None]
         across = self.weighted.reshape(-1, self.weighted.shape[2]).T @ effect.ravel()
         part: Floats = (self.inverse @ effect)[:, :, 0] - self.weighted @ (self.covariance @ across)
@@ -200,7 +200,8 @@ def drop_unknowns(remainder: Remainder, names: Iterable[str]) -> Remainder:
 
 
 def second_moment(remainder: Remainder, columns: Floats, sigma: float) -> float:
-    """The expected sum of squares of columns' amounts, whose prior is zero within `sigma`."""
+    """The expected sum of squares of the amounts of columns (n, 9, q), whose prior is zero within
+    `sigma`."""
     _, matrix, side = remainder.equations(remainder.readable(columns))
     covariance = np.linalg.inv(matrix + np.eye(len(matrix)) / sigma**2)
     amounts = covariance @ side

@@ -93,7 +93,8 @@ def screen_bases(remainder: Remainder, columns: Floats, bases: Floats) -> Intege
 def compare_bases(
     remainder: Remainder, key: str, columns: Floats, bases: Floats, prior: Floats
 ) -> Trace:
-    """Score all candidates exactly, and return the best; see `score_bases`."""
+    """Score all candidates exactly, and return the best; see `score_bases`. prior: prior
+    information (q,) on the amounts."""
     trials, rows, ways = bases.shape
     size, unknowns = columns.shape[2] * ways, remainder.matrix.shape[0]
     turned = np.swapaxes(columns, 1, 2)

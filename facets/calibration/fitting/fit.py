@@ -236,7 +236,7 @@ class Descent(Task):
         return normal.matrix + self.prior, side
 
     def take_step(self, at: Guess, normal: Normal, step: Floats) -> Guess | None:
-        """The guess after a step, at most to the lower bounds; None if it makes no sensor."""
+        """The guess after a step (p,), at most to the lower bounds; None if it makes no sensor."""
         values, places = at.values.copy(), self.choice.places
         is_beyond = values[places] + step < self.bounds
         if is_beyond.any():
@@ -362,7 +362,8 @@ class Descent(Task):
         )
 
     def chi_square(self, at: Guess, limit: float, redundancy: Floats) -> tuple[float, float]:
-        """Chi-square without the outliers, corrected for the truncation, and its expectation."""
+        """Chi-square without the outliers, corrected for the truncation, and its expectation.
+        redundancy: (n, 9), see `redundancies`."""
         is_inside = np.isfinite(self.data.raw) & (np.abs(at.residual) <= limit)
         variance = cut_variance(self.robust) if limit == self.robust else 1.0
         chi_square = float((at.residual[is_inside] ** 2).sum()) / variance
@@ -484,7 +485,7 @@ def calibrated_sensor(
 
 
 def sensor_covariance(names: list[str], values: Floats, covariance: Floats) -> Calibration:
-    """The part of the unknowns' covariance that belongs to the sensor."""
+    """The part of the unknowns' covariance (p, p) that belongs to the sensor."""
     names, covariance = fold(names, values, covariance)
     places = [n for n, name in enumerate(names) if name in OF_SENSOR or name in TEMPERATURE]
     part = covariance[np.ix_(places, places)]

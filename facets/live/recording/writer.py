@@ -215,7 +215,7 @@ class Recording(ClosedAtExit, Sink):
             self.poses_refused += count
 
     def sync(self) -> None:
-        """Let the system put all written bytes on the disk."""
+        """Let the system put all written bytes on the disk; an error is kept as a complaint."""
         for name in NAMES:
             try:
                 self.disk.sync(self.files[name])

@@ -126,8 +126,8 @@ class Trust:
         return bool(self.same[part].min() * chance < log(FROZEN_CHANCE))
 
     def log_chance(self, counts: NDArray[np.int32], noise_fraction: float) -> float:
-        """Logarithm of the largest probability that the next sample repeats one of these counts, at
-        a fraction of the configured noise.
+        """Logarithm of the largest probability that the next sample repeats one of these counts
+        (m,), at a fraction of the configured noise.
 
         The probability is largest for a current in the middle of a converter's step.
         """

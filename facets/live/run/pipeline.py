@@ -147,7 +147,7 @@ class RunTally(Tally):
     flags: Counter[str] = field(default_factory=Counter)
 
     def add_flags(self, flags: NDArray[np.uint8]) -> None:
-        """Count samples and their flags."""
+        """Count samples by their flags (n,)."""
         self.samples += len(flags)
         if flags.any():
             for bit, name in FLAGS.items():
@@ -240,7 +240,8 @@ class Pipeline:
         host: Floats,
         pieces: Sequence[tuple[int, float, Encoder | None]],
     ) -> list[Batch]:
-        """Return samples in batches of at most BATCH samples, in their order.
+        """Return samples in batches of at most BATCH samples, in their order. seq, time, host: (n,)
+        numbers, us on the board's clock, and s on the host's.
 
         pieces: of each block the end of its samples, their arrival and the stage's place.
         """

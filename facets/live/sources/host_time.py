@@ -190,7 +190,8 @@ class HostTime:
         self.line = ClockLine(middle, offset - BIAS * self.scale / count, rate)
 
     def stood_still(self, over: Floats) -> bool:
-        """Whether all of the newest buckets are late, because the board's clock has lost time."""
+        """Whether all of the newest buckets are late (over: s above the line, by bucket), because
+        the board's clock has lost time."""
         older, newer = over[:-LATE_BUCKETS], over[-LATE_BUCKETS:]
         return len(older) >= 10 and bool(newer.min() > LATE_ARRIVAL_S + 20 * np.median(older))
 
