@@ -1,8 +1,8 @@
-"""Readings by brute force, from the physics alone: many rays, each traced on its own in space.
+"""Readings from the physics alone, by rays that are traced in space one by one.
 
-Shares no code and no formula with the optics. `by_quadrature` places the rays at Gauss-Legendre
-nodes of the beam's cross-section and is good to some 1e-13; `by_random_rays` draws Sobol points
-and asks of each ray which side of the solid pyramid it meets first.
+The module shares no code and no formula with the optics. `by_strips` cuts the beam's cross-section
+into strips along all limits, and is good to some 1e-13; `by_random_rays` draws Sobol points and
+determines for each ray which side of the solid pyramid it meets first.
 """
 
 import itertools
@@ -90,27 +90,6 @@ def edge(at: Setup, first: int, second: int) -> np.ndarray:
     along = np.linalg.svd(at.normals[[first, second]])[2][2]
     third = 3 - first - second
     return seen(at, along if along @ at.normals[third] < 0 else -along)
-
-
-def by_quadrature(sensor: Sensor, state: np.ndarray, refine: int = 1) -> np.ndarray:
-    """Nine readings; `refine` multiplies the number of panels for a test of convergence."""
-    at = setup(sensor, state)
-    apex = seen(at, at.apex - at.centre)
-    radius, radius_weight = panels(0, np.hypot(*apex) + 9.5, 7 * refine)
-    reading = np.empty(9)
-    for k in range(3):
-        begin, end = edge(at, k, (k + 2) % 3), edge(at, k, (k + 1) % 3)
-        start = np.arctan2(begin[1], begin[0])
-        opening = (np.arctan2(end[1], end[0]) - start) % (2 * np.pi)
-        angle, angle_weight = panels(start, start + opening, 4 * refine)
-        ray = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        points = (apex + radius[:, None, None] * ray).reshape(-1, 2)
-        density = np.exp(-(points**2).sum(axis=1) / 2) / (2 * np.pi)
-        share = density * np.outer(radius * radius_weight, angle_weight).ravel()
-        spots = land(at, k, points)
-        reading[3 * k : 3 * k + 2] = share @ spots / share.sum()
-        reading[3 * k + 2] = at.power * share.sum()
-    return reading
 
 
 def by_random_rays(sensor: Sensor, state: np.ndarray, count: int, seed: int) -> np.ndarray:

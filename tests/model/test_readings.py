@@ -16,7 +16,7 @@ def test_readings_are_those_of_traced_rays(count):
     """1e-12 mm and 1e-12 of the power; both sides carry roundings of 300 mm, 6e-14 mm each."""
     for name, sensor in SENSORS.items():
         some = states(count, seed=12)
-        rays = np.array([oracle.by_quadrature(sensor, state) for state in some])
+        rays = np.array([oracle.by_strips(sensor, state) for state in some])
         error = np.abs(facets.readings(sensor, some) - rays)
         error[:, 2::3] /= sensor.beam.power
         assert error.max() < 1e-12, name

@@ -11,7 +11,7 @@ from sensors import SENSORS, box, states
 
 import facets
 from facets import Apertures, BenchLight, InputError
-from facets.model import effect_jacobian, parameters, sensor_with
+from facets.model import effect_jacobian
 
 CUTS = {
     "beam at 1/e^2": Apertures(beam=1.0),
@@ -90,60 +90,6 @@ def test_readings_of_cut_light_on_a_coating_beside_other_light(cut):
             lit = ~np.isnan(spots[:, 0])
             exact = np.column_stack([places, whole])
             np.testing.assert_allclose(ours[lit], exact[lit], atol=1e-11, rtol=1e-11)
-
-
-def assert_convergence(sensors, some, slopes, move, units):
-    """Derivatives are what central differences converge to as the square of the step: with a tenth
-    of the step they are off by a hundredth. move: readings with all that is varied moved by this.
-    """
-    errors = []
-    for step in (3e-5, 3e-6):
-        away = []
-        for sensor in sensors:
-            closed = slopes(sensor, some)
-            lit = np.repeat(facets.readings(sensor, some)[:, 2::3] > 0.01 * 0.3, 3, axis=1)
-            for n, shift in enumerate(step * np.diag(units)):
-                difference = move(sensor, some, shift) - move(sensor, some, -shift)
-                error = np.abs(closed[..., n] - difference / (2 * step * units[n]))[lit]
-                away.append(np.nanmax(error) / np.nanmax(np.abs(closed[..., n])))
-        errors.append(max(away))
-    assert 90 < errors[0] / errors[1] < 110
-
-
-@pytest.mark.parametrize(
-    ("cut", "light"),
-    [
-        *((cut, BenchLight()) for cut in CUTS.values()),
-        pytest.param(CUTS["gap"], COATED, marks=pytest.mark.slow),
-        pytest.param(APERTURES, COATED, marks=pytest.mark.slow),
-    ],
-    ids=[*CUTS, "gap, coated", "all, coated"],
-)
-def test_derivatives_by_the_state(cut, light):
-    names = ("paper", "skewed1", "skewed4")
-    sensors = [replace(SENSORS[name], apertures=cut, light=light) for name in names]
-    units = np.array([10, 10, 10, 1 / 30, 1 / 30, 1 / 30, 10, 10])
-    assert_convergence(
-        sensors,
-        draw(cut, 20),
-        facets.jacobian,
-        lambda sensor, some, shift: facets.readings(sensor, some + shift),
-        units,
-    )
-
-
-@pytest.mark.slow
-def test_derivatives_by_parameters():
-    def move(sensor, some, shift):
-        return facets.readings(sensor_with(sensor, np.array(parameters(sensor)) + shift), some)
-
-    assert_convergence(
-        [replace(SENSORS["skewed2"], apertures=APERTURES)],
-        draw(APERTURES, 10, seed=9),
-        facets.parameter_jacobian,
-        move,
-        np.array([1] * 12 + [1, 0.01, 1, 0.05, 0.05, 0.05] * 3),
-    )
 
 
 @pytest.mark.parametrize(
