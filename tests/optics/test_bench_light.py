@@ -43,35 +43,24 @@ def by_rays(sensor, some):
     return spots(sensor, RayBench.from_sensor(sensor), some)
 
 
-def test_light_that_is_not_collimated_is_that_of_rays():
-    """A spherical wavefront's to rounding; edges are straight to astigmatic light near the apex
-    only."""
-    some = box(3, 3)
-    for name, bend, place, power in (
-        ("skewed0", np.eye(2) / 2100, 1e-8, 1e-12),
-        ("paper", np.array([[1 / 2100, 3e-5], [3e-5, -1 / 4000]]), 5e-5, 2e-4),
-    ):
-        sensor = lit(
-            SENSORS[name], curvature_xx=bend[0, 0], curvature_xy=bend[0, 1], curvature_yy=bend[1, 1]
-        )
-        rays = by_rays(sensor, some)
-        away = np.abs(facets.readings(sensor, some) - rays)
-        assert away[:, PLACES].max() < place
-        assert (away[:, 2::3] / rays[:, 2::3]).max() < power
-
-
 DEPTHS = (6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5)
-#: One effect each, and how far rays and the model may be apart: um, and share of the power. Rays
-#: know a roll-off's whole profile and a tip's whole disc, the model some moments; the model knows
-#: how an edge's light spreads along it, the rays do not.
+#: One effect each, and how far rays and the model may be apart: um, and fraction of the power. Rays
+#: have a roll-off's whole profile and a tip's whole disc, the model some moments; the model has the
+#: spread of an edge's light along the edge, the rays have not. Edges are straight to astigmatic
+#: light near the apex only.
 SINGLE_EFFECTS = {
-    "curvature": ({"curvature_xx": 1 / 2100, "curvature_yy": 1 / 2100}, 1e-8, 1e-10),
+    "curvature": ({"curvature_xx": 1 / 2100, "curvature_yy": 1 / 2100}, 2e-8, 1e-10),
+    "astigmatism": (
+        {"curvature_xx": 1 / 2100, "curvature_xy": 3e-5, "curvature_yy": -1 / 4000},
+        0.05,
+        2e-4,
+    ),
     "diffraction": ({"wavelength": 632.8e-6}, 0.4, 1e-4),
     "roll-off": ({"rolloff": DEPTHS, "rolloff_width": 0.03}, 0.6, 1e-10),
     "strips": ({"strips": (0.01, 0.014, 0.008)}, 0.05, 1e-5),
     "tip": ({"tip": 0.002}, 0.05, 1e-4),
-    "background": ({"background": ((5e-4, 1, 2), (4e-4, -1, 0.5), (6e-4, 0, -2))}, 1e-8, 1e-10),
-    "polarisation": ({"index": (1.37, 7.62), "polarization": 0.3}, 1e-8, 1e-10),
+    "background": ({"background": ((5e-4, 1, 2), (4e-4, -1, 0.5), (6e-4, 0, -2))}, 2e-8, 1e-10),
+    "polarisation": ({"index": (1.37, 7.62), "polarization": 0.3}, 2e-8, 1e-10),
 }
 
 
@@ -81,11 +70,12 @@ def test_each_effect_is_that_of_rays(light, place, power):
     some[:, :2] -= some[:, 6:]  # how far the apex stands off the beam, which then stands at (0, 0)
     some[:, 2] /= 3
     some[:, 6:] = 0
-    rays = by_rays(lit(**light), some)
-    away = np.abs(facets.readings(lit(**light), some) - rays)
+    sensor = SENSORS["skewed0" if place < 1e-7 else "paper"]  # exact effects are, on any sensor
+    rays = by_rays(lit(sensor, **light), some)
+    away = np.abs(facets.readings(lit(sensor, **light), some) - rays)
     assert 1e3 * away[:, PLACES].max() < place
     assert (away[:, 2::3] / rays[:, 2::3]).max() < power
-    assert np.abs(facets.readings(PAPER, some) - rays).max() > 20 * away.max()
+    assert np.abs(facets.readings(sensor, some) - rays).max() > 20 * away.max()
 
 
 def beneath(case, **light):
