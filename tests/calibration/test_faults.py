@@ -191,20 +191,14 @@ def test_a_reference_that_is_rounded_is_told(samples):
     assert words not in words_of(judge(data))
 
 
-def test_a_late_reference_is_found():
-    judged = judge(sample_in_time(3e-4), settings(delay="auto"))
+@pytest.mark.parametrize(("late", "count", "close"), [(3e-4, 150, 0.07), (8e-4, 400, 3e-3)])
+def test_a_late_reference_is_found(late, count, close):
+    """A delay of most of a row is followed along the path, which bends; what is left is of third
+    order."""
+    judged = judge(sample_in_time(late, count=count), settings(delay="auto"))
     assert accepted_effects(judged) == {"delay"}
-    names = judged.fit.choice.names
-    delay = judged.fit.values[names.index("reference.delay")]
-    assert delay == pytest.approx(3e-4, abs=2e-5)
-    assert "The reference is late by 0.3" in words_of(judged)
-
-
-def test_a_delay_of_most_of_a_row_is_no_row():
-    """It is followed along the path, which bends; what is left is of third order."""
-    judged = judge(sample_in_time(8e-4, count=400), settings(delay="auto"))
-    delay = judged.fit.all_values[PLACE["reference.delay"]]
-    assert delay == pytest.approx(8e-4, rel=3e-3)
+    assert judged.fit.all_values[PLACE["reference.delay"]] == pytest.approx(late, rel=close)
+    assert "The reference is late by 0." in words_of(judged)
     assert "rows are one row" not in words_of(judged)
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 import facets
+from facets.core import STATE_COLUMNS
 from facets.files import run_record
 from facets.live import Bench, BenchSetup, Block, Pipeline, Recording
 from facets.simulation import receptance
@@ -110,14 +111,18 @@ def test_a_table_needs_a_configuration_times_and_the_input(run, tmp_path):
     assert (status, "timeless.csv: missing columns: time_s or board_us" in err) == (2, True)
 
 
+def noise_table(*inputs):
+    """A table at 1 kHz of a body that does not answer to its inputs, which are white noise."""
+    noise = np.random.default_rng(1).standard_normal((4000, len(inputs) + 6))
+    table = pd.DataFrame(noise, columns=[*inputs, *STATE_COLUMNS[:6]])
+    table[[*STATE_COLUMNS[:6]]] *= 1e-4
+    return table.assign(time_s=np.arange(4000) / 1000)
+
+
 def test_a_body_that_does_not_answer_is_a_finding(run, tmp_path):
-    count = 3000
-    rng = np.random.default_rng(1)
-    columns = {"time_s": np.arange(count) / 1000, "force_n": rng.standard_normal(count)}
-    for name in ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad"):
-        columns[name] = 1e-4 * rng.standard_normal(count)
-    columns["force_n"][1500] = columns["tz_mm"][1501] = 1e200
-    pd.DataFrame(columns).to_csv("still.csv", index=False)
+    table = noise_table("force_n")
+    table.loc[1500, "force_n"] = table.loc[1501, "tz_mm"] = 1e200
+    table.to_csv("still.csv", index=False)
     status, out, _ = run("response", "still.csv", "--input", "force_n", "--config", "paper",
                          "--style", "dark", "--plot", "svg")  # fmt: skip
     assert status == 1
@@ -130,14 +135,9 @@ def test_a_body_that_does_not_answer_is_a_finding(run, tmp_path):
 
 
 def test_each_of_two_inputs_has_its_response_in_the_form_asked_for(run, tmp_path):
-    count = 4000
-    rng = np.random.default_rng(1)
-    push, pull = rng.standard_normal((2, count))
-    columns = {"time_s": np.arange(count) / 1000, "push_n": push, "pull_n": pull}
-    for name in ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad"):
-        columns[name] = 1e-4 * rng.standard_normal(count)
-    columns["tz_mm"] += 1e-2 * push + 2e-2 * pull
-    pd.DataFrame(columns).to_csv("it.csv", index=False)
+    table = noise_table("push_n", "pull_n")
+    table["tz_mm"] += 1e-2 * table["push_n"] + 2e-2 * table["pull_n"]
+    table.to_csv("it.csv", index=False)
     words = ("response", "it.csv", "--config", "paper", "--input", "push_n", "--input", "pull_n")
     more = (
         "--form",

@@ -1,7 +1,6 @@
 """`facets simulate` and `facets solve`, as a user runs them."""
 
 import hashlib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ from commands import command
 
 import facets
 from facets.core import READING_COLUMNS
-from facets.files import write_table
 
 
 def poses(path: Path) -> pd.DataFrame:
@@ -145,30 +143,6 @@ def test_bad_input_gets_a_message_and_leaves_nothing(tmp_path, line, message):
     assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert sorted(file.name for file in tmp_path.iterdir()) == before
-
-
-def test_chunks_do_not_show(tmp_path):
-    """Not even where a row needs its neighbours, since detectors are read one after the other."""
-    from facets.estimation import solve_table
-    from facets.files import provenance_header
-
-    paper = facets.load("paper")
-    late = replace(paper.sensor.light, delays=(0.0, 0.02, 0.05))
-    paper = replace(paper, sensor=replace(paper.sensor, light=late))
-    states = np.random.default_rng(1).uniform(-0.02, 0.02, (25, 8)) * np.array(
-        [1, 1, 1, 0.1, 0.1, 0.1, 1, 1]
-    )
-    rows = facets.readings(paper.sensor, states)
-    columns = dict(zip(READING_COLUMNS, rows.T, strict=True))
-    write_table(tmp_path / "r.csv", columns | {"time_s": np.arange(25) / 3}, {})
-    results = []
-    for size in (1000, 10, 1):
-        out = tmp_path / f"p{size}.csv"
-        measurement = facets.Measurement(paper)
-        solve_table(measurement, tmp_path / "r.csv", out, provenance_header(paper), rows=size)
-        results.append(poses(out))
-    for other in results[1:]:
-        pd.testing.assert_frame_equal(results[0], other)
 
 
 def test_objects_and_zeros_are_columns_that_cover_the_truth(folder):

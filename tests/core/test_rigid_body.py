@@ -7,6 +7,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from digits import STEP, precise
+from oracle import object_motion
 from scipy.spatial.transform import Rotation
 
 import facets
@@ -18,24 +19,14 @@ POSES, ZEROS = (RNG.uniform(-1, 1, (200, 6)) * SIZES for _ in range(2))
 HEAD = MeasuredObject((10.0, -20.0, 50.0), (0.4, -0.9, 3.0))
 
 
-def rotation(angles) -> Rotation:
-    return Rotation.from_euler("xyz", angles)
-
-
-def oracle(poses, body: MeasuredObject) -> tuple[np.ndarray, Rotation]:
-    """Position and axes of an object by quaternions."""
-    turn = rotation(poses[:, 3:])
-    return poses[:, :3] + turn.apply(body.point), turn * rotation(body.orientation)
-
-
 def angle_between(angles, turn: Rotation) -> float:
-    return float((rotation(angles).inv() * turn).magnitude().max())
+    return float((Rotation.from_euler("xyz", angles).inv() * turn).magnitude().max())
 
 
 def test_bodies_move_about_points_as_quaternions_say():
     for body in (HEAD, MeasuredObject((0, 0, -300.0)), MeasuredObject()):
-        place, turn = oracle(POSES, body)
-        start, turn_zero = oracle(ZEROS, body)
+        place, turn = object_motion(POSES, body)
+        start, turn_zero = object_motion(ZEROS, body)
         found, _ = object_poses(POSES, body)
         np.testing.assert_allclose(found[:, :3], place, rtol=0, atol=1e-12)
         assert angle_between(found[:, 3:], turn) < 1e-14

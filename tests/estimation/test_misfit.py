@@ -42,6 +42,10 @@ def test_redundancy_is_what_is_read_beside_what_is_sought(beam, power, count):
     assert facets.solve(CONFIG.sensor, raw[0], beam=beam, power=power).checks == count
 
 
+#: Standard deviations (9,) of a reading at rest.
+NOISE = facets.standard_deviations(CONFIG.sensor, facets.readings(CONFIG.sensor, [0.0] * 8))
+
+
 def flags(sensor, raw, options=OPTIONS):
     found = Misfit()
     solution = measure(sensor, options, Samples(raw))
@@ -63,9 +67,8 @@ def test_a_single_flag_is_left_to_chance_and_more_are_spoilt_readings(count):
 def test_an_error_of_all_readings_is_not_taken_for_single_spoilt_ones():
     """Few poses of them are flagged, but the others have larger residuals than noise makes, too."""
     noise = np.random.default_rng(1)
-    sigma = facets.standard_deviations(CONFIG.sensor, facets.readings(CONFIG.sensor, [0.0] * 8))
-    raw = read(300) + sigma * noise.normal(size=(300, 9))
-    raw[:, 1] += 6 * sigma[1]
+    raw = read(300) + NOISE * noise.normal(size=(300, 9))
+    raw[:, 1] += 6 * NOISE[1]
     marks, found = flags(CONFIG.sensor, raw)
     assert 5 < marks.sum() < 150
     assert "the model misses something" in found.sentence
@@ -73,8 +76,7 @@ def test_an_error_of_all_readings_is_not_taken_for_single_spoilt_ones():
 
 def test_errors_that_a_calibration_left_widen_the_limit():
     """By three standard deviations of psi on B beside the noise's one: the root of 1 + 9."""
-    sigma = facets.standard_deviations(CONFIG.sensor, facets.readings(CONFIG.sensor, [0.0] * 8))
-    covariance = ((9 * sigma[3] ** 2, 0.0), (0.0, 1.0))
+    covariance = ((9 * NOISE[3] ** 2, 0.0), (0.0, 1.0))
     known = facets.Calibration(("misfit_b.psi", "psd_a.radius"), covariance)
     sensor = replace(CONFIG.sensor, calibration=known)
     solution = facets.solve(sensor, read(1)[0], beam="known")

@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from oracle import object_motion
 from sensors import calibrated
 
 import facets
@@ -18,19 +18,13 @@ COUNT = 10_000
 KNOWN = {"beam": "known", "power": "unknown"}
 
 
-def motion(state, body):
-    """Position and axes of the object by quaternions."""
-    turn = Rotation.from_euler("xyz", state[3:6])
-    return state[:3] + turn.apply(body.point), turn * Rotation.from_euler("xyz", body.orientation)
-
-
 def pose_of(place, turn):
     return np.append(place, turn.as_euler("xyz"))
 
 
 def displacement(body):
     """From START to STATE."""
-    (place, turn), (start, turn_zero) = motion(STATE, body), motion(START, body)
+    (place, turn), (start, turn_zero) = object_motion(STATE, body), object_motion(START, body)
     return pose_of(turn_zero.inv().apply(place - start), turn_zero.inv() * turn)
 
 
@@ -50,7 +44,7 @@ def test_intervals_at_points_hold_over_noise(body, beam):
     noisy = facets.add_noise(sensor, facets.readings(sensor, np.tile(STATE, (COUNT, 1))), rng)
     solution = facets.solve(sensor, noisy, beam=beam)
     found = facets.transform(solution, body)
-    check_intervals(found.pose, found.covariance, pose_of(*motion(STATE, body)))
+    check_intervals(found.pose, found.covariance, pose_of(*object_motion(STATE, body)))
     found = facets.transform(solution, body, START)
     check_intervals(found.pose, found.covariance, displacement(body))
 
@@ -70,7 +64,7 @@ def test_intervals_of_displacements_hold_over_rigs_and_noise(count):
     reading = facets.add_noise(sensor, evaluate("readings", vectors_of(rigs), owner, states), rng)
     solution = facets.solve(sensor, reading.reshape(count, samples + 1, 9), **KNOWN)
     still = part_of(facets.transform(solution, HEAD), np.s_[:, samples])
-    check_intervals(still.pose, still.covariance, pose_of(*motion(STATE, HEAD)))
+    check_intervals(still.pose, still.covariance, pose_of(*object_motion(STATE, HEAD)))
     members = np.arange(samples + 1) < samples
     found = []
     for n, each in enumerate(solution.state):

@@ -13,9 +13,16 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
-from facets import Sensor
+from facets import MeasuredObject, Sensor
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+
+
+def object_motion(poses: np.ndarray, body: MeasuredObject) -> tuple[np.ndarray, Rotation]:
+    """Positions (..., 3) and axes of an object at poses (..., 6) of the mirror, by quaternions."""
+    turn = Rotation.from_euler("xyz", poses[..., 3:6])
+    place = poses[..., :3] + turn.apply(body.point)
+    return place, turn * Rotation.from_euler("xyz", body.orientation)
 
 
 @dataclass

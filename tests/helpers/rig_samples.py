@@ -72,6 +72,14 @@ def pose_errors(sensor, data, state):
     return (poses.state - state)[:, :6]
 
 
+def error_slope(rig, judged, axis, along):
+    """Return the slope of the errors of poses in an axis by their place along another."""
+    fresh, truth = sample_motion(rig, 200, np.random.default_rng(5))
+    off = pose_errors(judged.sensor, fresh, truth)
+    seen = np.isfinite(off).all(axis=1)
+    return np.polyfit(truth[seen, along], off[seen, axis], 1)[0]
+
+
 def move(at):
     """Return the poses (n, 6) of a motion at times in seconds."""
     turns = 2 * np.pi * np.array([5.2, 8.4, 6.8, 11.6, 13.2, 9.2]) * at[:, None] + np.arange(6)
