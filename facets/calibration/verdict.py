@@ -370,7 +370,8 @@ def explain(
 
     An effect that absorbs a part of a cause is wrong. So the causes are undone in the samples, and
     effects and causes are found again, without effects that are unnecessary in addition to the
-    causes, until the causes remain the same.  causes: those that were undone before.
+    causes, until the causes remain the same.  causes: those that were undone before. Returns the
+    search and the causes.
     """
     original, best = plain.original, None
     for _ in range(JUDGE_ROUNDS):

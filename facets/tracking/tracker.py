@@ -1,7 +1,7 @@
 """The loop that makes the beam follow the mirror, and the thread that watches the loop.
 
-Places (2,) are in mm, times in s on the run's clock. A fault of the stage ends the loop with a
-stop.
+Places (2,) are in mm, times in s on the run's clock. Any error stops the stage; the loop ends
+unless the stage's line can be opened again.
 """
 
 from __future__ import annotations

@@ -634,8 +634,8 @@ def add_slow_drift(data: Data, result: Fit) -> Fit:
 
 
 def robust_drift(rows: Floats, power: Floats) -> tuple[Floats, Floats, float]:
-    """Fit powers (n,) by columns (n, q), except for outliers; return the amounts, the residuals and
-    their standard deviation."""
+    """Fit powers (n,) by columns (n, q), except for outliers; return the amounts (q,), the
+    residuals (n,) and their standard deviation."""
     weight: Floats = np.ones(len(rows))
     for _ in range(5):
         fitted, *_ = np.linalg.lstsq(rows * weight[:, None], power * weight, rcond=None)

@@ -68,6 +68,6 @@ class RunFeed(Subscription):
             self.reply(sent=sent, dropped=self.next - sent, receivers=receivers)
 
     def reply(self, **words: Any) -> None:
-        """Send values to the run, which may have gone."""
+        """Send values to the run; nothing happens if it has ended."""
         with suppress(zmq.ZMQError):
             self.socket.send(FROM + self.token + b" " + json.dumps(words).encode(), zmq.NOBLOCK)
