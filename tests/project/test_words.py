@@ -1,5 +1,5 @@
-"""Names, help texts and docstrings keep the rules of docs/glossary.md and of the NumPy standard;
-functions are short.
+"""Names, help texts, docstrings and pages keep the rules of docs/glossary.md and of the NumPy
+standard; functions and sentences are short.
 
 Each exception is a word with its reason.
 """
@@ -81,15 +81,21 @@ def definitions(folder: str) -> list[tuple[str, ast.FunctionDef | ast.ClassDef]]
     ]
 
 
-def banned_words() -> dict[str, str]:
-    """The words that no name and no help text has, with what to say instead, from the glossary."""
+def banned_words(heading: str) -> dict[str, str]:
+    """The words in a table of the glossary, with what to say instead."""
     text = (ROOT / "docs/glossary.md").read_text("utf-8")
-    _, _, section = text.partition("## Words that no name has")
-    rows = re.findall(r"^\| \*([a-z ]+)\* \| (.+?) \|", section, flags=re.MULTILINE)
-    return dict(rows)
+    section = text.partition(f"## {heading}\n")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| (\*[a-z *,]+\*) \| (.+?) \|", section, flags=re.MULTILINE)
+    return {word: instead for words, instead in rows for word in re.findall(r"\*(.+?)\*", words)}
 
 
-BANNED = banned_words()
+#: Words of no name and no help text, and words of no docstring and no page.
+BANNED = banned_words("Words that no name has")
+BANNED_IN_TEXTS = banned_words("Words that no text has")
+
+#: Words with which no docstring begins: the subject would be missing.
+NO_SUBJECT = r"(What|Of|That of|Those|As|Where)\b"
+MOST_WORDS_IN_A_SENTENCE = 35
 
 
 def words_of(name: str) -> list[str]:
@@ -129,8 +135,10 @@ def test_names_are_verbs_or_nouns_of_the_field(folder):
         is_class = isinstance(node, ast.ClassDef)
         fault = (fault_of_name if is_class else fault_of_function)(node.name)
         faults += [f"{place} {fault}"] * bool(fault and node.name not in STAY)
-        arguments = [] if is_class else ast.walk(node.args)
-        names = [part.arg for part in arguments if isinstance(part, ast.arg)]
+        parts = [] if is_class else ast.walk(node)
+        names = [part.arg if isinstance(part, ast.arg) else part.id for part in parts
+                 if isinstance(part, ast.arg)
+                 or (isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store))]  # fmt: skip
         faults += [f"{place} {name} {fault}" for name in names if (fault := fault_of_name(name))]
     assert faults == []
 
@@ -183,6 +191,53 @@ def test_public_functions_have_docstrings_by_the_numpy_standard():
     assert {name: texts for name, texts in faults.items() if texts} == {}
 
 
+def docstrings(folder: str) -> dict[str, str]:
+    modules = {f"{file}:1": ast.parse(text) for file, text in texts(folder).items()}
+    nodes = {**modules, **dict(definitions(folder))}
+    return {place: text for place, node in nodes.items() if (text := ast.get_docstring(node))}
+
+
+def pages(folder: str) -> dict[str, str]:
+    """The pages of a folder, without the glossary, which explains the banned words."""
+    paths = [path for path in (ROOT / folder).rglob("*.md") if path.name != "glossary.md"]
+    return {str(path.relative_to(ROOT)): path.read_text("utf-8") for path in paths}
+
+
+def sentences(text: str) -> list[str]:
+    """The sentences of a docstring or a page, without code and formulas; of a table, each item."""
+    text = re.sub(r"^\|.*", lambda row: row[0].replace("; ", " | "), text, flags=re.MULTILINE)
+    text = re.sub(r"```.*?```|\$\$.*?\$\$", "\n\n", text, flags=re.DOTALL)
+    text = re.sub(r"(`+).*?\1|\$[^$]*\$|\]\([^)]*\)", " 0 ", text, flags=re.DOTALL)
+    parts = re.split(r"\n\s*\n|\n[^\n]*\n\s*-{3,}\n|\n\s*(?:[-*#>|:]|\d+\. )|\s\|\s", text)
+    return [" ".join(sentence.split()) for part in parts
+            for sentence in re.split(r"[.!?][)*]*\s+", part)]  # fmt: skip
+
+
+def faults_of_text(text: str) -> list[str]:
+    """The words and the sentences of a text that break the rules."""
+    banned = rf"(?<!of )(?<![\w-])({'|'.join(BANNED_IN_TEXTS)})(?![\w-])"
+    faults = []
+    for sentence in sentences(text):
+        bad = re.findall(banned, sentence.lower())
+        faults += [f"has the word {word}; say {BANNED_IN_TEXTS[word]}" for word in bad]
+        if len(re.findall(r"[A-Za-z][\w'-]*", sentence)) > MOST_WORDS_IN_A_SENTENCE:
+            faults.append(f"is too long: {sentence}")
+    return faults
+
+
+@pytest.mark.parametrize("folder", CHECKED)
+def test_docstrings_are_plain(folder):
+    found = docstrings(folder).items()
+    assert [place for place, text in found if re.match(NO_SUBJECT, text)] == []
+    assert {place: faults for place, text in found if (faults := faults_of_text(text))} == {}
+
+
+def test_pages_are_plain():
+    found = {"README.md": (ROOT / "README.md").read_text("utf-8"), **pages("docs")}
+    faults = {place: faults_of_text(text) for place, text in found.items()}
+    assert {place: texts for place, texts in faults.items() if texts} == {}
+
+
 def help_texts():
     for context, command in all_commands():
         yield context.command_path, command.help
@@ -231,3 +286,6 @@ def test_wrong_names_and_help_texts_are_found():
                  "Also write all states so many times."):  # fmt: skip
         assert fault_of_help(text), text
     assert not fault_of_help("Stop after this many seconds.  [default: never]")
+    for text in ("It goes up.", "Beside\nit.", "So\nmany steps.", "word " * 36):
+        assert len(faults_of_text(text)) == 1, text
+    assert not faults_of_text("`told`, of course. " + "word " * 35)
