@@ -52,7 +52,7 @@ from .alternatives.scatter import (
 )
 from .fitting.bundle_adjustment import CLEAR_SIGMAS, Data, relative_power
 from .fitting.fit import Fit
-from .fitting.samples import ALIKE, MOST_OUTLIER_SHARE, row_numbers, warms_with_time
+from .fitting.samples import ALIKE, MOST_OUTLIER_FRACTION, row_numbers, warms_with_time
 from .fitting.unknowns import BACKLASH, DELAY, LAG, PAST, PLACE, TIME_DRIFT
 from .table import unit_of
 
@@ -162,7 +162,7 @@ def spike_finding(result: Fit) -> Finding | None:
             f"{DETECTORS[most // 3].upper()}: its noise is larger than the configuration says, or "
             "comes in bursts; look at its cable, plug and amplifier."
         ), ("spikes",))  # fmt: skip
-    if beyond > MOST_OUTLIER_SHARE * total:
+    if beyond > MOST_OUTLIER_FRACTION * total:
         return Finding(True, (
             f"{words}: these are no spikes but a misfit of the model or a noise that is larger "
             "than the configuration says; find its cause before you use the result."

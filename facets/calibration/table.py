@@ -21,7 +21,7 @@ from ..core.names import (
 from ..core.sensor import MONOMIALS, Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import TEMPERATURE
-from ..estimation.dwells import FEWEST, WITHIN, Dwells, dwell_means
+from ..estimation.dwells import LARGEST_DISTANCE, MIN_ROWS, Dwells, dwell_means
 from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
 from ..files.columns import join_columns
@@ -183,9 +183,9 @@ def averaged_columns(
     dwells = find_reference_dwells(columns, settings.reference)
     if len(dwells.rows) < 10:
         raise InputError(
-            f"{path}: the reference stands still {len(dwells.rows)} times, for {FEWEST} rows or "
-            f"more within {WITHIN:g} of its standard uncertainties; a calibration needs 10 at "
-            "least. Leave out --dwells for a motion that does not stop"
+            f"{path}: the reference stands still {len(dwells.rows)} times, for {MIN_ROWS} rows or "
+            f"more within {LARGEST_DISTANCE:g} of its standard uncertainties; a calibration needs "
+            "10 at least. Leave out --dwells for a motion that does not stop"
         )
     return dwells.columns, dwells.noise, dwells.rows
 

@@ -10,10 +10,10 @@ and the difference of two such means, at the states 1 and 2,
 
     N_1 / n_1 + N_2 / n_2 + P_1 + P_2 + (G_2 - G_1) C (G_2 - G_1)'
 
-The errors of the parameters are the same at both states; those of the priors are taken to be
+The errors of the parameters are the same at both states; errors of the priors are assumed to be
 independent. The excess of a calibration's residuals over its noise (`MISFIT`) has an unknown cause.
-It is taken to be uncorrelated between states, so that a difference contains it twice. The error of
-the model itself (`MODEL_ERROR`) hardly changes over short distances: its covariance between two
+It is assumed to be uncorrelated between states, so that a difference contains it twice. The error
+of the model itself (`MODEL_ERROR`) hardly changes over short distances: its covariance between two
 states is its variance times exp(-d^2 / 2). Here d is the distance between the two states: the
 shifts of the spot, and of the apex relative to the beam, in units of `SPOT_LENGTH_MM` and
 `APEX_LENGTH_MM`.
@@ -44,9 +44,9 @@ from .uncertainty import Propagation, carry_over, propagate, slices_of
 if TYPE_CHECKING:
     from ..core.sensor import Calibration
 
-#: Shifts of a spot on its detector, and of the apex relative to the beam, over which the error of
-#: the model of real light hardly changes. They are so short that 95 % of the steps of 28 rigs,
-#: whose readings were traced by rays, lay within their intervals.
+#: Correlation lengths of the error of the model of real light, for the shifts of a spot on its
+#: detector and of the apex relative to the beam. With these, 95 % of the steps of 28 rigs whose
+#: readings were traced by rays lay within their intervals.
 SPOT_LENGTH_MM, APEX_LENGTH_MM = 0.3, 0.05
 
 
@@ -180,15 +180,18 @@ def difference_uncertainty(
 def step_uncertainties(
     sensor: Sensor, states: tuple[Floats, Floats], plan: Plan, samples: int
 ) -> Floats:
-    """Compute `difference_uncertainty` (n, 8) of pairs of states (n, 8)."""
+    """Compute `difference_uncertainty` (n, 8), mm and rad, for pairs of states (n, 8).
+
+    samples: number of samples whose mean each state is.
+    """
     out = np.empty((len(states[0]), 8))
     for part in slices_of(len(out)):
-        some = states[0][part], states[1][part]
-        first, second = (propagate_in_light(sensor, ends, plan) for ends in some)
+        pair_part = states[0][part], states[1][part]
+        first, second = (propagate_in_light(sensor, ends, plan) for ends in pair_part)
         covariance = covariance_of_mean(first, samples) + covariance_of_mean(second, samples)
         if sensor.calibration is not None:
             assert first.slopes is not None
-            fractions = common_fractions(sensor.calibration, (first, second), some)
+            fractions = common_fractions(sensor.calibration, (first, second), pair_part)
             slopes = -first.slopes, second.slopes
             covariance += covariance_of_sum(sensor.calibration, slopes, fractions)
         out[part] = root_of_diagonal(covariance)
@@ -198,7 +201,7 @@ def step_uncertainties(
 def propagate_in_light(
     sensor: Sensor, states: Floats, plan: Plan, used: Booleans | None = None
 ) -> Propagation:
-    """Return `propagate` of states (n, 8); NaN where a used detector has no reading.
+    """Return `propagate` for states (n, 8), with NaN where a used detector has no reading.
 
     used: (n, 3) whether each detector was used; all by default.
     """
@@ -258,11 +261,11 @@ def common_fractions(
 
 
 def lasting_covariance(sensor: Sensor, propagation: Propagation, states: Floats) -> Floats:
-    """The covariance (n, 8, n, 8) of the errors of states (n, 8) that are the same in every sample.
+    """Covariance (n, 8, n, 8) of the errors of states (n, 8) that are the same in every sample.
 
-    It has two parts. That of the calibration has the same correlation between states as in a
-    difference; two visits of the same state have the same error. The errors of the priors are the
-    same at all states: the beam must not have moved.
+    The calibration's part has the same correlation between states as in a difference; repeated
+    visits of a state have the same error. The priors' errors are the same at all states, on
+    condition that the beam did not move.
     """
     covariance: Floats = np.einsum("aip,bjp->aibj", propagation.priors, propagation.priors)
     calibration = sensor.calibration

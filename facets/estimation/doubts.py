@@ -1,9 +1,9 @@
-"""Withdraw converged poses with a cut spot or a second solution; solve unlikely ones again.
+"""Withdraw converged poses with a cut spot or a second solution, and solve unlikely poses again.
 
 Only sensors that can have such poses are examined. The centroid of a spot that the detector's edge
-cuts hardly moves with the spot, so that the stated uncertainty is wrong. Where the determinant of
-Eq. (11) changes its sign within the range, the readings fold: two states, one on either side of the
-fold, have the same readings.
+cuts hardly moves with the spot, so that the stated uncertainty would be wrong. If the determinant
+of Eq. (11) changes its sign within the range, the readings fold: two states, on opposite sides of
+the fold, have the same readings.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from .problem import AMBIGUOUS, CONVERGED, OUT_OF_RANGE, Results, put_rows
 from .uncertainty import propagate
 
 Rows = NDArray[np.intp]
-#: Estimates some rows again, from the starts (n, 9).
+#: Function that estimates some rows again, from starts (n, 9).
 Repeat = Callable[[Rows, Floats], Results]
 
 #: Number of states at which the sign of the determinant is computed.
 SAMPLE_COUNT = 128
 #: Number of poses that are examined together; each takes about 30 kB.
 PART = 1000
-#: Largest offset of the apex from the beam, and of the beam from its position, at these states, as
-#: a fraction of the smallest beam diameter.
+#: Largest offset of the apex from the beam, and of the beam from its nominal position, at these
+#: states, as a fraction of the smallest beam diameter.
 OFFSET_FRACTION = 0.3
 #: Distances at which a fold is sought, in the longest component of the direction, um or urad.
 DISTANCES = np.geomspace(10, 1e5, 25)
-#: Distances at which the search for the other solution starts, in distances of the fold.
+#: Distances at which the search for the other solution starts, relative to the fold's distance.
 START_DISTANCES = (2.0, 1.3, 4.0)
 #: Two solutions count as different if they differ by more than this, in standard uncertainties.
 SEPARATE_SIGMAS = 3.0
@@ -45,22 +45,22 @@ SEPARATE_SIGMAS = 3.0
 NEAREST_FOLD_SIGMAS = 5.0
 
 
-#: Number of steps, and fraction of the residual's limit, above which a pose under real light may be
-#: a wrong minimum; the right one is usually reached in fewer steps.
-WANDERED, LEAST_RESIDUAL = 12, 0.7
-#: Distance from such a pose at which another one is sought, in standard uncertainties.
+#: A pose under real light may be a wrong minimum if it took more steps than this, and if its
+#: residual is above this fraction of its limit; the right minimum usually takes fewer steps.
+UNLIKELY_STEPS, LEAST_RESIDUAL = 12, 0.7
+#: Distance from such a pose at which another solution is sought, in standard uncertainties.
 OTHER_START_SIGMAS = 15.0
-#: The other pose replaces it if its residual is below this fraction of the first one's.
+#: The other solution replaces the pose if its residual is below this fraction of the pose's.
 CLEARLY_LESS = 0.7
 
 
 def are_unlikely(results: Results, limits: Floats) -> NDArray[np.bool_]:
-    """Whether each pose under real light may be a wrong minimum, although its residual is within
-    its limit (n,)."""
+    """Whether each pose (n,) under real light may be a wrong minimum, although its residual is
+    within its limit (n,)."""
     residuals = results.residuals
     unlikely: NDArray[np.bool_] = (
         (results.status == CONVERGED)
-        & (results.steps > WANDERED)
+        & (results.steps > UNLIKELY_STEPS)
         & (residuals > LEAST_RESIDUAL * limits)
         & (residuals <= limits)
     )
@@ -70,10 +70,10 @@ def are_unlikely(results: Results, limits: Floats) -> NDArray[np.bool_]:
 def replace_unlikely(
     sensor: Sensor, plan: Plan, chance: Chance, results: Results, repeat: Repeat
 ) -> None:
-    """Replace unlikely poses by other solutions with a clearly lower residual.
+    """Replace unlikely poses in `results` by other solutions with a clearly lower residual.
 
-    Under real light the sum of squares of a small beam has several minima. The other ones are
-    sought on both sides, along the direction that the readings determine least.
+    Under real light the sum of squares of a small beam has several minima. The others are sought on
+    both sides of the pose, along the direction that the readings determine least.
     """
     rows = np.flatnonzero(are_unlikely(results, chance.limits(chance.checks(results.used))))
     if not len(rows):
@@ -97,8 +97,8 @@ def is_doubtful(sensor: Sensor, free: NDArray[np.int64]) -> bool:
 
 
 def has_fold(sensor: Sensor) -> bool:
-    """Whether the determinant of Eq. (11) has both signs within the range, for light that nothing
-    cuts; cached per sensor."""
+    """Whether the determinant of Eq. (11) has both signs within the range, for uncut light; cached
+    per sensor."""
     folds: bool | None = sensor.__dict__.get("_has_fold")
     if folds is None:
         bare = Sensor(beam=sensor.beam, facets=sensor.facets, psds=sensor.psds)
@@ -144,7 +144,7 @@ def determinant_signs(sensor: Sensor, states: Floats) -> Floats:
 def withdraw_doubtful(
     sensor: Sensor, free: NDArray[np.int64], chance: Chance, results: Results, repeat: Repeat
 ) -> None:
-    """Replace converged poses that cannot be trusted by NaN and a status."""
+    """Replace converged poses in `results` that cannot be trusted by NaN and a status."""
     if sensor.apertures.detectors:
         refuse(results, cut_spots(sensor, results), OUT_OF_RANGE)
     if 6 in free and has_fold(sensor):
@@ -190,16 +190,16 @@ def second_solutions_of(
         lost = np.isfinite(fold)
         doubtful |= np.abs(fold) * answer / largest[:, 0] < NEAREST_FOLD_SIGMAS
         for distance in START_DISTANCES:
-            some = np.flatnonzero(np.isfinite(fold) & ~doubtful)
-            if not len(some):
+            open_rows = np.flatnonzero(np.isfinite(fold) & ~doubtful)
+            if not len(open_rows):
                 break
-            start = results.states[rows[some]].copy()
-            start[:, :8] += distance * fold[some, None] * step[some]
-            other = repeat(rows[some], start)
-            difference = (other.states[:, :8] - states[some]) / FINE_UNITS
-            separation = np.abs((difference * weakest[some]).sum(axis=1)) * answer[some]
-            doubtful[some] = (other.residuals <= chance.limit) & (separation > SEPARATE_SIGMAS)
-            lost[some] &= np.isnan(other.residuals)
+            start = results.states[rows[open_rows]].copy()
+            start[:, :8] += distance * fold[open_rows, None] * step[open_rows]
+            other = repeat(rows[open_rows], start)
+            difference = (other.states[:, :8] - states[open_rows]) / FINE_UNITS
+            separation = np.abs((difference * weakest[open_rows]).sum(axis=1)) * answer[open_rows]
+            doubtful[open_rows] = (other.residuals <= chance.limit) & (separation > SEPARATE_SIGMAS)
+            lost[open_rows] &= np.isnan(other.residuals)
         doubtful |= lost  # no estimate converged there, so that a second solution is not excluded
     return rows[doubtful]
 
@@ -208,7 +208,7 @@ def fold_distance(sensor: Sensor, states: Floats, direction: Floats) -> Floats:
     """The distances (n,) along directions (n, 8) at which the determinant's sign changes; NaN if it
     does not."""
     line = states[:, None] + DISTANCES[:, None] * direction[:, None]
-    there = determinant_signs(sensor, line.reshape(-1, 8)).reshape(len(states), -1)
-    changed = there * determinant_signs(sensor, states)[:, None] < 0
+    signs = determinant_signs(sensor, line.reshape(-1, 8)).reshape(len(states), -1)
+    changed = signs * determinant_signs(sensor, states)[:, None] < 0
     first = DISTANCES[changed.argmax(axis=1)]
     return np.where(changed.any(axis=1), first, np.nan)

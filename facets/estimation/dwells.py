@@ -3,11 +3,11 @@
 A motion in steps, recorded at full rate, has thousands of rows at each position and some rows
 between two positions. Each dwell becomes one row of means; the rows in between are excluded.
 
-The uncertainty of a mean follows from the scatter of the means of the dwell's parts, which counts
-noise that is correlated between rows as it should. As one dwell has few parts, the median over all
-dwells is used, which a few corrupted dwells do not change. The noise of a position is proportional
-to 1/power on the detector. The error that a converter's steps leave in a mean does not scatter:
-`samples.add_converter_steps` adds it.
+The uncertainty of a mean follows from the scatter of the means of the dwell's parts, which includes
+noise that is correlated between rows. As one dwell has few parts, the median over all dwells is
+used, which a few corrupted dwells do not change. The noise of a position is proportional to 1/power
+on the detector. `samples.add_converter_steps` adds the error of a mean due to a converter's steps,
+which scatter does not show.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from ..core.names import READING_COLUMNS
 from ..core.units import Floats
 
 #: Least number of rows in a dwell.
-FEWEST = 32
+MIN_ROWS = 32
 #: Largest distance of the reference from the dwell's first row, in standard uncertainties.
-WITHIN = 2.0
+LARGEST_DISTANCE = 2.0
 #: Fraction of a dwell's rows that is excluded at each end, where the mirror may still swing.
-ENDS = 0.05
+END_FRACTION = 0.05
 #: Number of parts of a dwell whose means are compared.
 PARTS = 4
 #: Rows further than this from the dwell's median, in standard deviations, are excluded.
-FAR = 12.0
+OUTLIER_SIGMAS = 12.0
 #: Number of blocks of rows in the shortest dwell of an axis; the means of blocks are compared.
 BLOCKS = 12
 #: An axis is at rest while the means of blocks stay within this many of their standard deviations;
@@ -58,22 +58,22 @@ class Dwells(NamedTuple):
     left_out: int
 
 
-def find_dwells(pose: Floats, sigma: Floats, fewest: int = FEWEST) -> list[slice]:
+def find_dwells(pose: Floats, sigma: Floats, min_rows: int = MIN_ROWS) -> list[slice]:
     """Find the rows of each dwell of a reference.
 
-    pose: (n, d) the axes that it measures.  sigma: (d,) their standard uncertainties.  fewest:
+    pose: (n, d) the axes that it measures.  sigma: (d,) their standard uncertainties.  min_rows:
     least number of rows in a dwell.
     """
     bad = np.asarray(~np.isfinite(pose).all(axis=1))
-    scaled = np.where(bad[:, None], np.inf, pose) / (WITHIN * sigma)
+    scaled = np.where(bad[:, None], np.inf, pose) / (LARGEST_DISTANCE * sigma)
     parts, start, count = [], 0, len(pose)
     while start < count:
         if bad[start]:
             start += 1
             continue
         end = start_of_next(scaled, start)
-        if end - start >= fewest:
-            off = int(ENDS * (end - start))
+        if end - start >= min_rows:
+            off = int(END_FRACTION * (end - start))
             parts.append(slice(start + off, end - off))
             start = end
         else:
@@ -84,8 +84,8 @@ def find_dwells(pose: Floats, sigma: Floats, fewest: int = FEWEST) -> list[slice
 def find_axis_dwells(place: Floats, shortest: int) -> list[slice]:
     """Find the rows of each dwell of an axis from its measured coordinate alone.
 
-    The means of blocks of rows are compared, because their noise hides smaller steps less. The
-    first and the last block of a dwell are excluded: the axis may move within them.
+    The means of blocks of rows are compared, because they resolve smaller steps than single rows.
+    The first and the last block of a dwell are excluded, because the axis may move within them.
 
     place: (n,) the coordinate; NaN without a pose.  shortest: least number of rows in a dwell.
     """
@@ -95,16 +95,16 @@ def find_axis_dwells(place: Floats, shortest: int) -> list[slice]:
     steps = np.abs(np.diff(blocks))
     noise = float(np.nanmedian(steps)) * SIGMA_PER_MEDIAN_STEP if np.isfinite(steps).any() else 0.0
     travel = float(np.nanmax(blocks) - np.nanmin(blocks)) if np.isfinite(blocks).any() else 0.0
-    sigma = np.array([max(STEP_SIGMAS * noise, CREEP_FRACTION * travel, 1e-12) / WITHIN])
-    parts = find_dwells(blocks[:, None], sigma, fewest=min(BLOCKS, max(3, shortest // size)))
+    sigma = np.array([max(STEP_SIGMAS * noise, CREEP_FRACTION * travel, 1e-12) / LARGEST_DISTANCE])
+    parts = find_dwells(blocks[:, None], sigma, min_rows=min(BLOCKS, max(3, shortest // size)))
     return [slice((part.start + 1) * size, (part.stop - 1) * size) for part in parts]
 
 
 def finite_means(values: Floats) -> Floats:
     """Means over the last axis without missing values; NaN where all values are missing."""
-    there = np.isfinite(values)
+    is_finite = np.isfinite(values)
     with np.errstate(invalid="ignore"):
-        means: Floats = np.where(there, values, 0.0).sum(axis=-1) / there.sum(axis=-1)
+        means: Floats = np.where(is_finite, values, 0.0).sum(axis=-1) / is_finite.sum(axis=-1)
     return means
 
 
@@ -113,7 +113,7 @@ def start_of_next(scaled: Floats, start: int) -> int:
 
     scaled: (n, d) positions in units of the largest allowed distance.
     """
-    end, size = start + 1, FEWEST
+    end, size = start + 1, MIN_ROWS
     while end < len(scaled):
         part = slice(end, end + size)
         away = np.asarray((np.abs(scaled[part] - scaled[start]) > 1).any(axis=1))
@@ -141,19 +141,20 @@ def dwell_means(columns: dict[str, Floats], pose: Floats, sigma: Floats) -> Dwel
 
 def mean(values: Floats) -> float:
     """The mean of the values of a dwell, without missing values and outliers; NaN for no values."""
-    there = values[np.isfinite(values)]
-    if not there.size:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
         return np.nan
-    low, middle, high = np.quantile(there, [0.25, 0.5, 0.75])
+    low, middle, high = np.quantile(finite, [0.25, 0.5, 0.75])
     if high > low:
-        there = there[np.abs(there - middle) <= FAR * (high - low) / QUARTILES]
-    return float(there.mean())
+        finite = finite[np.abs(finite - middle) <= OUTLIER_SIGMAS * (high - low) / QUARTILES]
+    return float(finite.mean())
 
 
 def noise_ratios(means: Floats) -> Floats:
-    """The noise of each dwell's readings relative to the median dwell: (m, 9).
+    """Noise (m, 9) of each dwell's readings relative to the median dwell.
 
-    It is proportional to 1/power for a position and constant for a power.  means: (m, 9).
+    It is proportional to 1/power for a position and constant for a power.  means: (m, 9) of the
+    dwells' readings, mm and mW.
     """
     ratios: Floats = np.ones_like(means)
     if not len(means):
@@ -170,7 +171,7 @@ def row_variance(dwells: list[Floats], ratios: Floats) -> Floats:
     For white noise this is the variance of the rows; for noise that is correlated over more than a
     part of a dwell, it is much larger. NaN without dwells.
 
-    dwells: the rows (n, d) of each.  ratios: (m, d) as from `noise_ratios`.
+    dwells: rows (n, d) of each dwell.  ratios: (m, d) relative noise, as from `noise_ratios`.
     """
     variances = []
     for rows, ratio in zip(dwells, ratios, strict=True):
@@ -184,7 +185,7 @@ def row_variance(dwells: list[Floats], ratios: Floats) -> Floats:
 
 def median(values: Floats) -> Floats:
     """Medians (m,) of columns (n, m) without missing values; 0 for a column without values."""
-    there = np.isfinite(values).any(axis=0)
+    has_values = np.isfinite(values).any(axis=0)
     medians = np.zeros(values.shape[1])
-    medians[there] = np.nanmedian(values[:, there], axis=0)
+    medians[has_values] = np.nanmedian(values[:, has_values], axis=0)
     return medians

@@ -1,4 +1,4 @@
-"""From samples to poses, in the same way for tables, runs, replays and simulations."""
+"""Solve samples into poses, in the same way for tables, runs, replays and simulations."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ LOST = (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED)
 
 @check_arguments
 class Measurement:
-    """Solves samples by a configuration, counts them, and holds the zero of displacements.
+    """Solver of samples by a configuration, with counts and the zero of displacements.
 
     Parameters
     ----------
@@ -106,13 +106,13 @@ class Measurement:
         """Solve samples, count them, and add them to the zero.
 
         Displacements are NaN until the zero is known. Raises `InputError` if the samples of the
-        zero are unusable. With `waits` the zero is measured again instead, and `news` says so.
+        zero are unusable; with `waits`, the zero is measured again instead, and `news` reports it.
         """
         return self.finish(samples, *self.begin(samples))
 
     def poses_of_pieces(self, samples: Samples) -> Poses | None:
-        """Solve and count samples that came in pieces, with the same result as `poses` of one piece
-        after the other.
+        """Solve and count samples of several pieces at once, with the same result as `poses` for
+        one piece after the other.
 
         Returns None, and counts nothing, if the result could depend on the pieces.
         """
@@ -125,7 +125,7 @@ class Measurement:
         return self.finish(samples, estimate.solution, np.zeros(len(samples.readings), dtype=bool))
 
     def poses_of_all(self, parts: Iterable[Samples], what: str) -> Iterator[Poses]:
-        """Solve the parts of a whole table, in their order; all poses have displacements.
+        """Solve all parts of a table, in their order, so that all poses have displacements.
 
         Parts are held in memory until the zero is known. Raises `InputError` if the table lacks the
         samples of the zero, or they are unusable.  what: the table's name in messages.
@@ -205,7 +205,7 @@ class Measurement:
         return SampleEstimate(solution, knowledge, exact)
 
     def knowledge(self, samples: Samples) -> Knowledge:
-        """The knowledge of the beam at the samples' times and temperatures."""
+        """Prior knowledge of the beam at the samples' times and temperatures."""
         if self.at_rest.beam == "free":
             return self.at_rest
         if isinf(samples.place_sigma or 0.0):
@@ -273,7 +273,7 @@ class Measurement:
         return zero_findings(self.zero) if self.zero else []
 
     def take_news(self) -> list[str]:
-        """Return the news of the zero since the last call, and forget them."""
+        """Return the news of the zero since the last call, and clear them."""
         news, self.news = self.news, []
         return news
 
@@ -286,7 +286,7 @@ class Measurement:
         return ["the zero waits for a pose that fits its readings; there is none yet"]
 
     def description(self) -> dict[str, Any]:
-        """The description of the columns for their receivers: the object, the zero, the names."""
+        """Description of the object, the zero and the columns' names for receivers of poses."""
         body = self.config.object
         return {
             "object": None if body is None else {
@@ -299,7 +299,7 @@ class Measurement:
         }  # fmt: skip
 
     def zero_sentences(self) -> list[str]:
-        """Sentences on the zero at the end."""
+        """Sentences on the zero after the last sample."""
         if self.request is None:
             return []
         if self.zero is None:
@@ -310,7 +310,7 @@ class Measurement:
         return [f"zero: {self.zero_text}", *self.findings]
 
     def sentences(self) -> list[str]:
-        """Sentences on the zero and the samples at the end."""
+        """Sentences on the zero and the samples after the last sample."""
         return [*self.zero_sentences(), *self.tally.sentences(self.config)]
 
 
@@ -323,14 +323,15 @@ def unknown_displacements(solution: Solution) -> ObjectPose:
 
 
 def retry(solution: Solution, solve: Any, ends: Any) -> None:
-    """Solve lost samples again, each from the pose of the nearest sample of its piece.
+    """Solve lost samples again, each from the pose of the nearest solved sample of its piece, and
+    replace their results in `solution`.
 
-    The results replace those in `solution`.  solve: solves rows from starts.  ends: of the pieces.
+    solve: function that solves rows from starts.  ends: row after the last one of each piece.
     """
     is_lost, has_pose = np.isin(solution.status, LOST), solution.converged
     pairs, first = [np.empty((2, 0), np.intp)], 0
     for end in ends:
-        lost, good = (first + np.flatnonzero(each[first:end]) for each in (is_lost, has_pose))
+        lost, good = (first + np.flatnonzero(mask[first:end]) for mask in (is_lost, has_pose))
         if len(lost) and len(good):
             pairs.append(np.stack([lost, nearest(lost, good)]))
         first = end

@@ -1,4 +1,4 @@
-"""From the mirror's pose to that of the measured object, with its covariance."""
+"""Transform the mirror's pose to the measured object's pose, with its covariance."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class ObjectPose(UncertainResult):
     def columns(
         self, prefix: str, covariance: bool = False, coverage: float | None = None
     ) -> dict[str, Floats]:
-        """The poses as columns with their standard uncertainties.
+        """Columns of the poses with their standard uncertainties, in the units of tables.
 
         prefix: of the names, such as object_.  covariance: whether to add the covariances.
         coverage: probability of the expanded uncertainties that are added, if any.
@@ -216,44 +216,44 @@ def displacement_covariance(
     members: (n,) whether a pose is a sample of the zero, so that the zero contains its errors.
     warmer: (n,) temperature above the calibration's reference, K.
     """
-    of_zero, (total, noise, calibration) = zero.sensor.calibration, poses.covariances
+    parameters, (total, noise, calibration) = zero.sensor.calibration, poses.covariances
     assert total is not None
-    if (of_zero is None) != (calibration is None):
+    if (parameters is None) != (calibration is None):
         raise InputError(
             "the solution and the zero come from different sensors: only one has a calibration "
             "covariance; compute the zero with the sensor of the solution"
         )
 
     by_pose, by_zero = slopes
-    each, count = zero.propagation.noise[0, :6, :6], zero.samples
-    priors = zero.propagation.statistical[0, :6, :6] - each
+    single, count = zero.propagation.noise[0, :6, :6], zero.samples
+    priors = zero.propagation.statistical[0, :6, :6] - single
 
     def combine(covariance: Floats, prior: Floats) -> Floats:
-        """Propagate the noise and the priors of poses and zero.
+        """Propagate the noise and the priors of poses and zero to displacements.
 
-        A sample of the zero is a part of the zero's mean and has the same errors of the priors.
+        A sample of the zero is part of the zero's mean, and its priors have the same errors.
         """
-        outside = carry(by_pose, covariance[POSE_BLOCK]) + carry(by_zero, each / count + prior)
-        rest = carry(by_zero, each * (count - 1) / count**2)
-        within = carry(by_pose + by_zero / count, each) + rest + carry(by_pose + by_zero, prior)
+        outside = carry(by_pose, covariance[POSE_BLOCK]) + carry(by_zero, single / count + prior)
+        rest = carry(by_zero, single * (count - 1) / count**2)
+        within = carry(by_pose + by_zero / count, single) + rest + carry(by_pose + by_zero, prior)
         return np.where(members[:, None, None], within, outside)
 
-    if of_zero is None or noise is None or calibration is None:
+    if parameters is None or noise is None or calibration is None:
         return CovarianceParts(combine(total, priors), None, None)
     by_calibration = np.empty((len(total), 6, 6))
     for part in slices_of(len(total)):
         states, plan = poses.states[part], zero.plan
-        other = propagate(zero.sensor, of_zero, states, poses.used[part], plan, warmer[part])
+        other = propagate(zero.sensor, parameters, states, poses.used[part], plan, warmer[part])
         ends = [
             by[part] @ end.slopes[:, :6]
             for by, end in zip(slopes, (other, zero.propagation), strict=True)
             if end.slopes is not None
         ]
-        both = (zero.propagation, other), (zero.state[None], states)
-        fractions = common_fractions(of_zero, *both)
+        pairs = (zero.propagation, other), (zero.state[None], states)
+        fractions = common_fractions(parameters, *pairs)
         fractions[members[part]] = 1.0
         fractions *= zero.same_calibration
-        by_calibration[part] = covariance_of_sum(of_zero, (ends[1], ends[0]), fractions)
+        by_calibration[part] = covariance_of_sum(parameters, (ends[1], ends[0]), fractions)
     return CovarianceParts(
         combine(total - calibration, priors) + by_calibration,
         combine(noise, np.zeros_like(priors)),
@@ -264,8 +264,11 @@ def displacement_covariance(
 def unpack(
     solution: Solution | ArrayLike, is_framed: bool = False
 ) -> tuple[Floats, Any, Any, CovarianceParts]:
-    """States (..., 8 or 6), the used detectors (..., 3), statuses and covariances (n, 8, 8) of a
-    solution or of plain states.  is_framed: whether to read the covariances of a data frame."""
+    """Unpack a solution, or plain states, to states (..., 8 or 6), the used detectors (..., 3),
+    statuses and covariances (n, 8, 8).
+
+    is_framed: whether to read the covariances in a data frame.
+    """
     if not isinstance(solution, Solution):
         total = framed_covariance(solution) if is_framed else None
         states = as_floats(solution, "solution", 6)

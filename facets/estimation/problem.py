@@ -17,8 +17,8 @@ Array = Any
 
 #: The estimate has converged when the next step would change the sum of squares by less than this.
 NEGLIGIBLE_GAIN = 1e-12
-#: A step is refused if it leaves a detector that reads light with less than this power, in standard
-#: deviations of a power: without light, the readings do not show the way back.
+#: A step is refused if a detector that reads light would have less than this power, in standard
+#: deviations of a power: without light, readings have no derivatives that lead back.
 DARK_SIGMAS = 1.0
 #: An estimate that starts without light on a detector ends if it has not found light after this
 #: many steps.
@@ -35,14 +35,14 @@ ROUNDING = 4e-15
 MIN_REDUNDANCY = 1e-3
 UNKNOWNS = 9
 
-#: Places in the row of numbers that blocks write for each reading. First come the state and the
-#: power, then the numbers named here; the covariance, if there is one, is at the end.
+#: Indices in the row of numbers that blocks write for each reading: first the state and the power,
+#: then these numbers, and at the end the covariance, if requested.
 STATUS, ITERATIONS, USED = 9, 10, 11
 RESIDUAL, CHECKS, LIMIT, COVARIANCE = range(14, 18)
 
-#: The entries of a covariance (8, 8) that are stored: the variances, then those below the diagonal.
+#: Stored entries of a covariance (8, 8): the variances, then the entries below the diagonal.
 KEPT_ENTRIES = [(i, i) for i in range(8)] + [(i, j) for i in range(8) for j in range(i)]
-#: The place of each entry of a covariance among the stored ones.
+#: Index of each entry of a covariance among the stored ones.
 PLACES = np.empty((8, 8), int)
 _rows, _columns = np.transpose(KEPT_ENTRIES)
 PLACES[_rows, _columns] = PLACES[_columns, _rows] = range(len(KEPT_ENTRIES))
@@ -52,12 +52,12 @@ class FitProblem(NamedTuple):
     """The prior knowledge and the options of an estimate.
 
     means: (n or 1, 3) prior means of bx, by (mm) and power (mW).  weight: (3,) 1/sigma of these
-    priors, 0 if unknown.  free: (m,) numbers of the estimated unknowns, ascending.  starts: (n or
-    1, 9) with the known values.  previous: whether each sample starts where the last converged one
-    ended.  damped: whether a step that raises the sum of squares is shortened
-    (Levenberg-Marquardt) instead of accepted.  accept_unchecked: whether to estimate poses without
-    redundant readings.  limits: limits for screening readings.  least_redundancy: required
-    redundancy, see `MIN_REDUNDANCY`; negative for any.
+    priors, 0 if unknown.  free: (m,) indices of the estimated unknowns, ascending.  starts: (n or
+    1, 9) initial states and powers, with the known values.  previous: whether each sample starts
+    from the solution of the last converged one.  damped: whether a step that raises the sum of
+    squares is shortened (Levenberg-Marquardt) instead of accepted.  accept_unchecked: whether to
+    estimate poses without redundant readings.  limits: limits for screening readings.
+    least_redundancy: required redundancy, see `MIN_REDUNDANCY`; negative for any.
     """
 
     means: Array
@@ -75,9 +75,9 @@ class FitProblem(NamedTuple):
 class ScreeningLimits(NamedTuple):
     """The limits by which readings are screened.
 
-    noise: (3,) standard deviation of a centroid (mm) at a power (mW), and that of a power (mW).
-    light: (2, 3) the powers below which a detector is excluded, and below which a step has lost the
-    detector's light, mW.
+    noise: (3,) standard deviation of a centroid, mm, the power at which it holds, mW, and standard
+    deviation of a power, mW.  light: (2, 3) power below which a detector is excluded, and power
+    below which a step has lost the detector's light, mW.
     usable: (3, 4) lowest and highest psi and zeta of each detector, mm.
     eight: whether the power of detector C is excluded.
     rounding: (2,) rounding error of a computed position, mm, and of a power, mW.
@@ -93,8 +93,8 @@ class ScreeningLimits(NamedTuple):
 class Readings(NamedTuple):
     """Readings and their noise.
 
-    values: (n, 9) mm, mW.  sigmas: (n, 9) standard deviations; empty if those of `ScreeningLimits`
-    apply.
+    values: (n, 9) mm and mW.  sigmas: (n, 9) standard deviations; empty if `ScreeningLimits.noise`
+    applies.
     """
 
     values: Array
@@ -130,7 +130,7 @@ def empty_results(count: int, covariance: bool) -> Results:
 
 
 def unpack_covariances(entries: Array) -> Array:
-    """Covariances (..., 8, 8) of their `KEPT_ENTRIES` (..., 36)."""
+    """Expand covariances from their `KEPT_ENTRIES` (..., 36) to (..., 8, 8)."""
     return entries.take(PLACES, axis=-1)
 
 
@@ -145,16 +145,16 @@ def some_rows(which: Any, readings: Readings, request: FitProblem) -> tuple[Read
     )
 
 
-def put_rows(results: Results, which: Array, some: Results) -> None:
-    """Put the results of some readings in their places."""
-    for array, part in zip(results, some, strict=True):
+def put_rows(results: Results, which: Array, replacements: Results) -> None:
+    """Replace the results of the readings `which`, in place."""
+    for array, part in zip(results, replacements, strict=True):
         array[which] = part
 
 
 class Form(NamedTuple):
     """The form of an estimator's code.
 
-    free: numbers of the estimated unknowns, the first six included.  kind: kind of light, see
+    free: indices of the estimated unknowns, always with the first six.  kind: kind of light, see
     `kinds.block_kind`.  exact: whether derivatives under real light are exact.  varied: whether
     each reading has its own sensor.
     """
@@ -202,7 +202,7 @@ class Scales(NamedTuple):
     least_redundancy: Any
 
 
-#: The arrangement of these numbers, as zeros.
+#: The structure of these numbers, with zeros.
 SCALES = Scales(
     (0.0,) * 3, ((0.0,) * 3,) * 2, ((0.0,) * 4,) * 3, (0.0,) * 2, (0.0,) * 3, *(0.0,) * 7
 )  # fmt: skip

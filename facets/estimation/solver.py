@@ -26,7 +26,7 @@ from ..model.many import VariedSensors
 from ..model.threads import Pool, part_of, share
 from . import problem
 from .blocks import KeptBlocks, estimate, find_code
-from .doubts import WANDERED, is_doubtful, replace_unlikely, withdraw_doubtful
+from .doubts import UNLIKELY_STEPS, is_doubtful, replace_unlikely, withdraw_doubtful
 from .plan import (
     Plan,
     chance_of,
@@ -194,7 +194,7 @@ class PreparedEstimate:
         some = self._put_rows(values)
         some.estimate(self._wide_code)
         numbers = some.numbers[: len(values)].copy()
-        wandered = self._seeks and (numbers[:, ITERATIONS] > WANDERED).any()
+        wandered = self._seeks and (numbers[:, ITERATIONS] > UNLIKELY_STEPS).any()
         if wandered or (self._has_exact and (numbers[:, STATUS] == problem.STALLED).any()):
             return None
         return self._solution(self._put_limits(numbers), warmer)
@@ -250,7 +250,7 @@ class PreparedEstimate:
             self._run(self._from_zero())
             self._ends[ITERATIONS] += steps
         numbers = self._own_numbers()
-        if self._doubtful or (self._seeks and self._ends[ITERATIONS] > WANDERED):
+        if self._doubtful or (self._seeks and self._ends[ITERATIONS] > UNLIKELY_STEPS):
             return self._solution_in_doubt(results_of(numbers), warm)
         if warm:
             self._keep_end(numbers[: problem.UNKNOWNS], numbers[STATUS])

@@ -1,13 +1,13 @@
 """The damped Gauss-Newton iteration behind `facets.solve`: one step over numbers of any kind.
 
-No branch depends on a number, so that the same text runs over floats and over numbers that write
+No branch depends on a number, so that the same text works for floats and for numbers that write
 code. A loop (in `block_code`, and in `solver.js` of a rig's page) calls `step` until the status is
-no longer GOING; a step from a state that has ended changes nothing.
+no longer GOING; a step from an ended state changes nothing.
 
 The unknowns are the eight components of the state and the beam's power; `free` lists the unknowns
 that are estimated. A step of the beam's position moves the mirror by the same amount, so that the
-beam's position and the mirror's place in the beam are nearly uncorrelated and the equations lose no
-digits. Every row is in units of its standard deviation: the sum of squares is a chi-square.
+beam's position and the mirror's position in the beam are nearly uncorrelated and the equations lose
+no digits. Every row is in units of its standard deviation: the sum of squares is a chi-square.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ FIRST_DAMPING, DAMPING_FACTOR, MIN_DAMPING = 1e-3, 10, 1e-6
 #: A sum of squares above this is an overflow.
 HUGE = 1e300
 
-#: Computes each detector's reading at a state with the power (9,), and the derivatives of each of
-#: its numbers by the free unknowns.
+#: Function that computes each detector's reading at a state with the power (9,), and derivatives of
+#: each of its numbers by the free unknowns.
 Linearise = Callable[[Sequence[Any]], Sequence[tuple[Sequence[Any], Sequence[Sequence[Any]]]]]
 
 
@@ -55,8 +55,8 @@ class WeightedReading(NamedTuple):
     """A reading with its weights and prior means.
 
     values: (9,) mm and mW.  weights: (9,) 1/sigma; 0 for a detector that is excluded.  means: (3,)
-    prior means of bx, by and the power.  scales: the numbers that all readings have in common.
-    small: the sum of squares that rounding of the readings alone can cause.
+    prior means of bx, by, mm, and the power, mW.  scales: the numbers that all readings have in
+    common.  small: the sum of squares that rounding of the readings alone can cause.
     """
 
     form: Form
@@ -74,8 +74,8 @@ class State(NamedTuple):
     last step, which is the solution if the estimate has converged.  gain: the decrease of the sum
     of squares that the step predicts.  factor: the Cholesky factor of its equations.
     normal, cost, has_dark_detector: the results of `equations` at `best`.  earlier: the sum of
-    squares `since` steps ago.  is_singular: 1 where the readings determine no step without
-    damping.  must_reevaluate: 1 where `best` is evaluated next, 0 where `trial` is.
+    squares `since` steps ago.  is_singular: 1 if the readings determine no step without damping,
+    else 0.  must_reevaluate: 1 if `best` is evaluated next, 0 if `trial` is.
     """
 
     best: Any
@@ -134,9 +134,9 @@ def screen_reading(
         detector_status = select(sound, inf, detector_status)
         fault = select(detector_status < fault, detector_status, fault)
         checks = checks + 3 * used[k]
-        place = numbers[2] / (noise[0] * noise[1])
-        for i, usual in enumerate((place, place, 1 / noise[2])):
-            weight = select(has_own_weights, weights[3 * k + i], usual)
+        position = numbers[2] / (noise[0] * noise[1])
+        for i, default in enumerate((position, position, 1 / noise[2])):
+            weight = select(has_own_weights, weights[3 * k + i], default)
             if i == 2 and k == 2:
                 weight = select(scales.eight > 0, 0.0, weight)
             weighed.append(select(sound, weight, 0.0))
@@ -163,8 +163,8 @@ def first_state(start: Sequence[Any], form: Form, status: Any) -> State:
 def unknown_slopes(vectors: Geometry, detectors: Any, free: Sequence[int]) -> Any:
     """The detectors' readings with their derivatives by the free unknowns.
 
-    detectors: the readings with their derivatives by the state.  The derivatives by the beam's
-    position are those of a motion of beam and mirror together.
+    detectors: the readings with their derivatives by the state. Derivatives by the beam's position
+    are for a common motion of beam and mirror.
     """
     detectors_slopes: list[Any] = []
     for k, (values, derivatives) in enumerate(detectors):
@@ -192,7 +192,7 @@ def equations(
         has_dark = select(used, select(is_lit, has_dark, 1.0), has_dark)
         for i, (value, row) in enumerate(zip(values, derivatives, strict=True), 3 * k):
             weight = reading.weights[i]
-            rows.append([select(used, weight * each, 0.0) for each in row])
+            rows.append([select(used, weight * slope, 0.0) for slope in row])
             residuals.append(select(used, weight * (reading.values[i] - value), 0.0))
     matrix, right = linear_algebra.normal_equations([*zip(*rows, strict=True)], residuals)
     cost: Any = 0.0
@@ -211,8 +211,8 @@ def equations(
 def step(state: State, reading: WeightedReading, linearise: Linearise) -> State:
     """Accept or refuse the trial state, and compute the next one.
 
-    A refused step is repeated from the best state with more damping. If the form does not keep the
-    equations there, they are first evaluated once more.
+    A refused step is repeated from the best state with more damping. If the form does not store the
+    equations of the best state, they are first evaluated once more.
     """
     evaluated = select_each(state.must_reevaluate > 0.5, state.best, state.trial)
     normal, cost, has_dark = equations(evaluated, reading, linearise)
@@ -231,8 +231,8 @@ def compare_with_best(
 ) -> tuple[State, Any]:
     """Compare the evaluated state with the best one, and set the damping of the next step.
 
-    A rise of the sum of squares within rounding is accepted; a step that takes the light off a
-    detector is refused. Returns the state, and whether the evaluated one was accepted.
+    An increase of the sum of squares within rounding is accepted; a step after which a detector has
+    no light is refused. Returns the state, and whether the evaluated one was accepted.
     """
     going, small, damped = state.status < CONVERGED, reading.small, reading.scales.damped > 0
     accepts_any = (state.steps < 0.5) | (reading.scales.damped < 0.5)
@@ -259,8 +259,8 @@ def compare_with_best(
 
 
 def count_step(state: State, ready: Any, reading: WeightedReading) -> State:
-    """Count a step, and stall if the sum of squares has hardly fallen in PROGRESS_INTERVAL_STEPS
-    steps."""
+    """Count a step; the status becomes STALLED if the sum of squares has hardly fallen in
+    PROGRESS_INTERVAL_STEPS steps."""
     going = ready & (state.status < CONVERGED)
     since = state.since + select(going, 1.0, 0.0)
     due = going & (since > PROGRESS_INTERVAL_STEPS - 0.5)
@@ -277,8 +277,8 @@ def count_step(state: State, ready: Any, reading: WeightedReading) -> State:
 def propose_step(state: State, ready: Any, normal: Any, reading: WeightedReading) -> State:
     """Compute the next step from the best state, unless the estimate ends.
 
-    The estimate ends with a step whose gain is below rounding, unless only the damping has made the
-    step that short.
+    The estimate ends with a step whose gain is below rounding, unless the damping is the cause of
+    the small gain.
     """
     damping, held = state.damping, state.damping > 0
     factor, is_definite = linear_algebra.factorise(normal[0], damping)
@@ -339,7 +339,7 @@ def covariance_of(factor: linear_algebra.Triangle, free: Sequence[int]) -> list[
         for j, b in enumerate(free):
             if max(a, b) < 8:
                 covariance[a][b] = steps[i][j]
-    if 6 in free:  # the mirror's position is that in the beam plus that of the beam
+    if 6 in free:  # The mirror's position is the sum of its position in the beam and the beam's.
         for c in (6, 7):
             for b in range(8):
                 covariance[c - 6][b] = covariance[c - 6][b] + covariance[c][b]

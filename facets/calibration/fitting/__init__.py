@@ -1,4 +1,4 @@
-"""The fit: a rig's parameters and the unknowns of each sample, from readings and a reference."""
+"""Fit a rig's parameters and the unknowns of each sample to readings with a reference."""
 
 from typing import TYPE_CHECKING
 

@@ -1,16 +1,15 @@
-"""The linearised bundle adjustment: states of a mirror on a reference, and derivatives by all
-unknowns.
+"""Linearise the bundle adjustment of readings of a mirror on a reference.
 
 The sensor's parameters, the corrections of its detectors, the effects of real light and the
-mirror's place on the reference are common to all samples. Each sample has its own unknowns: the
-part of its pose that the reference does not measure and, where they change, the laser's power and
-the beam's position. These are eliminated from the normal equations (Schur complement), so that the
-system that remains is small for any number of samples. All derivatives are in closed form.
+mirror's position on the reference are common to all samples. Each sample has its own unknowns: the
+part of its pose that the reference does not measure and, if they change, the laser's power and the
+beam's position. The latter are eliminated from the normal equations (Schur complement), so that the
+remaining system is small for any number of samples. All derivatives are in closed form.
 
-Shapes and units: n samples; `values` (ALL,) are those of `unknowns.ALL`, in mm, rad, mW, s and
-fractions; `own_values` (n, 9) are the samples' own unknowns, in mm, rad and fractions of the power.
-Derivatives (n, 9, unknowns) are those of the readings in mm and mW; the residuals and derivatives
-of `Linear` are divided by the readings' standard deviations.
+Shapes and units, for n samples: `values` (ALL,) belong to the names in `unknowns.ALL`, in mm, rad,
+mW, s and fractions. `own_values` (n, 9) belong to the samples' own unknowns, in mm, rad and
+fractions of the power. Derivatives (n, 9, unknowns) are derivatives of the readings in mm and mW;
+in `Linear` they and the residuals are divided by the readings' standard deviations.
 """
 
 from __future__ import annotations
@@ -60,9 +59,11 @@ OWN_COUNT = 9
 #: Units of a sample's own unknowns: um and urad of the pose, a thousandth of the power, um of the
 #: beam.
 OWN_UNITS = np.array([*FINE_UNITS[:6], 1e-3, 1e-3, 1e-3])
-#: A quantity such as a step of the reference is clear if it exceeds its standard uncertainty this
-#: many times; an effect on readings or poses counts from this fraction of their noise.
-CLEAR_SIGMAS, LEAST_COUNTED = 4.0, 0.3
+#: A quantity, such as a step of the reference, is significant above this many of its standard
+#: uncertainties.
+CLEAR_SIGMAS = 4.0
+#: An effect on readings or poses matters above this fraction of their noise.
+LEAST_COUNTED = 0.3
 #: Residual, in standard deviations, of a reading for which the model has no value.
 MISSING_RESIDUAL = 1e4
 
@@ -71,12 +72,12 @@ Rows = NDArray[np.bool_] | NDArray[np.int64] | slice
 
 
 class Moves(NamedTuple):
-    """The reference's motion about each sample, in the order of the rows.
+    """The reference's motion around each sample, in the order of the rows.
 
-    approach: (n, 6) the sign of each axis's last clear step; 0 before the first one.  last: (n, 6)
-    the step from the previous row, mm and rad.  before: (n, 9) the readings of the previous row.
-    following: (n, 6) the step to the next row.  bend: (n, 6) the second difference of the poses,
-    estimated from the two rows on either side, without the row itself.
+    approach: (n, 6) the sign of each axis's last significant step; 0 before the first one.  last:
+    (n, 6) the step from the previous row, mm and rad.  before: (n, 9) the readings of the previous
+    row.  following: (n, 6) the step to the next row.  bend: (n, 6) the second difference of the
+    poses, estimated from the two rows on either side, without the row itself.
     """
 
     approach: Floats
@@ -86,7 +87,7 @@ class Moves(NamedTuple):
     bend: Floats
 
     def part(self, rows: Rows) -> Moves:
-        """The motion about some of the samples."""
+        """The motion around some of the samples."""
         return Moves(*(column[rows] for column in self))
 
 
@@ -97,14 +98,13 @@ class Data(NamedTuple):
     sigma: (6,) the reference's standard uncertainty; infinite for an axis that it does not measure,
     whose column of `pose` then holds the initial guess.  beam: (n, 2) the beam's position, mm.
     velocity, acceleration: (n, 6) of the reference, in mm, rad and s.  clock: (n, 3) in the order
-    of `CLOCKS`: time in half runs from -1 to 1, temperature minus its mean, K, and one of `pasts`,
-    or zero.  pasts: (n, m) temperature, relative to the column `temperature_c`, of parts that
-    follow it late, or that the thermometer follows late, K.  noise: (n, 9) standard deviations of
-    the readings; None to compute them from the readings.  slow: (n, 5) polynomials of the run for
-    the laser's power.  moves: the motion from row to row.  rows: (n,) number of rows of the table
-    in the mean of a sample; None where each sample is one row.  number: (n,) the table's row, from
-    1, or the number of the dwell where rows were averaged.  temperature: mean temperature, degrees
-    Celsius.
+    of `CLOCKS`: time from -1 to 1 over the run, temperature minus its mean, K, and one of `pasts`,
+    or zero.  pasts: (n, m) regressors of a delayed temperature, of parts or of the thermometer, K.
+    noise: (n, 9) standard deviations of the readings; None to compute them from the readings.
+    slow: (n, 5) polynomials over the run for the laser's power.  moves: the motion from row to row.
+    rows: (n,) number of the table's rows in the mean of a sample; None if each sample is one row.
+    number: (n,) number of the table's row, from 1, or of the dwell if rows were averaged.
+    temperature: mean temperature, degrees Celsius.
     """
 
     raw: Floats
@@ -140,8 +140,11 @@ class Data(NamedTuple):
 
 
 def pose_of(data: Data, own_values: Floats, values: Floats) -> Floats:
-    """The pose of the mirror's mount at each sample (n, 6): the reference's, with the delay and the
-    sample's own part added and backlash and lag subtracted."""
+    """Pose of the mirror's mount at each sample (n, 6), mm and rad.
+
+    It is the reference's pose plus the sample's own part and the motion during the delay, minus
+    backlash and lag.
+    """
     pose: Floats = data.pose + own_values[:, :6]
     if data.moves is not None:
         pose = pose - values[block(BACKLASH)] * data.moves.approach
@@ -178,11 +181,11 @@ def states_of(data: Data, own_values: Floats, values: Floats) -> Floats:
 
 
 def drift(data: Data, values: Floats) -> Floats:
-    """Drifts (n, 8) of the beam's position and of the readings by the clock, mm."""
+    """Drifts (n, 8) of the beam's position and of positions on the detectors, mm."""
     if data.clock is None:
         return np.zeros((len(data.raw), len(OF_DRIFT)))
-    each: Floats = data.clock @ values[block(DRIFTS)].reshape(len(CLOCKS), len(OF_DRIFT))
-    return each
+    drifts: Floats = data.clock @ values[block(DRIFTS)].reshape(len(CLOCKS), len(OF_DRIFT))
+    return drifts
 
 
 def relative_power(data: Data, own_values: Floats, values: Floats) -> Floats:
@@ -232,8 +235,8 @@ def predict_readings(
 def add_skew(
     predicted: Floats, sensor: Sensor, data: Data, own_values: Floats, values: Floats
 ) -> None:
-    """Replace the predicted readings of detectors that are read after the stated time by those at
-    the later time."""
+    """Recompute the predicted readings of detectors that are read later than the stated time, in
+    place."""
     if data.velocity is None:
         return
     for k, name in enumerate(SKEW):
@@ -293,8 +296,8 @@ def linearise_model(
 def sensor_columns(
     sensor: Sensor, raw: Floats, state: Floats, power: Floats, choice: Choice
 ) -> Floats:
-    """The derivatives of the readings by `ALL` (n, 9, p), in which those by the sensor's own
-    parameters are filled in; without columns of splines where the choice has none.
+    """Derivatives of the readings by `ALL` (n, 9, p), of which only the columns of the sensor's own
+    parameters are filled in; without columns of splines if the choice has none.
 
     power: (n, 1, 1) of the laser, relative to `beam.power`.
     """
@@ -311,10 +314,9 @@ def sensor_columns(
 
 
 def effect_columns(sensor: Sensor, state: Floats, choice: Choice) -> Floats:
-    """The derivatives (n, 9, EFFECTS) of the readings, mm and mW, by the effects of a choice; the
-    others are zero.
+    """Derivatives (n, 9, EFFECTS) of the readings by the effects of a choice; zero for others.
 
-    NaN where a diverging fit makes a sensor without derivatives, such as a beam without width.
+    NaN if a diverging fit makes a sensor without derivatives, such as a beam without width.
     """
     try:
         return effect_jacobian(sensor, state, names=list(choice.names))
@@ -336,8 +338,10 @@ class Turning(NamedTuple):
 
     @classmethod
     def from_pose(cls, pose: Floats, mounting: Floats, state: Floats) -> Turning:
-        """The rotations of poses (n, 6) and their derivatives. mounting: (9,), the values of
-        `MOUNTING`. state: (n, 8)."""
+        """Compute the derivatives at poses (n, 6) of the mount.
+
+        mounting: (9,) values of `MOUNTING`.  state: (n, 8) of the mirror.
+        """
         lever, _, mount = mounting.reshape(3, 3)
         turn, turn_axes = rotation_matrix(pose[:, 3:]), angle_axes(pose[:, 3:])
         arm = turn @ lever
@@ -376,33 +380,33 @@ def mounting_columns(by_state: Floats, turning: Turning) -> Floats:
     )
 
 
-def add_run(every: Floats, data: Data, by_own: Floats, by_state: Floats, late: float) -> None:
-    """Fill in the columns of `every` (n, 9, ALL) for changes over the run: the laser's power,
-    delays, backlash, lag and drifts.
+def add_run(columns: Floats, data: Data, by_own: Floats, by_state: Floats, late: float) -> None:
+    """Fill in the columns (n, 9, ALL) of changes over the run: the laser's power, delays, backlash,
+    lag and drifts.
 
     late: the reference's delay, s.
     """
     if data.slow is not None:
-        every[:, :, block(POWER_DRIFT)] = by_own[:, :, 6:7] * data.slow[:, None, :]
+        columns[:, :, block(POWER_DRIFT)] = by_own[:, :, 6:7] * data.slow[:, None, :]
     if data.velocity is not None:
         moving = np.einsum("nij,nj->ni", by_own[:, :, :6], velocity_after(data, late))
-        every[:, :, PLACE[DELAY]] = moving
+        columns[:, :, PLACE[DELAY]] = moving
         for k, name in enumerate(SKEW):
-            every[:, 3 * k : 3 * k + 3, PLACE[name]] = moving[:, 3 * k : 3 * k + 3]
+            columns[:, 3 * k : 3 * k + 3, PLACE[name]] = moving[:, 3 * k : 3 * k + 3]
     if data.moves is not None:
-        every[:, :, block(BACKLASH)] = -by_own[:, :, :6] * data.moves.approach[:, None, :]
-        every[:, :, block(LAG)] = -by_own[:, :, :6] * data.moves.last[:, None, :]
+        columns[:, :, block(BACKLASH)] = -by_own[:, :, :6] * data.moves.approach[:, None, :]
+        columns[:, :, block(LAG)] = -by_own[:, :, :6] * data.moves.last[:, None, :]
     if data.clock is not None:
-        every[:, :, block(DRIFTS)] = drift_columns(data.clock, by_state)
+        columns[:, :, block(DRIFTS)] = drift_columns(data.clock, by_state)
 
 
 def drift_columns(clock: Floats, by_state: Floats) -> Floats:
-    """The columns (n, 9, 24) of `DRIFTS`, by the derivatives (n, 9, 8) by the mirror's states."""
+    """Derivatives (n, 9, 24) of the readings by `DRIFTS`.  by_state: (n, 9, 8) by the state."""
     by_drift = np.zeros((len(by_state), 9, len(OF_DRIFT)))
     by_drift[:, :, :2] = by_state[:, :, 6:]
     by_drift[:, PLACES, np.arange(2, len(OF_DRIFT))] = 1.0
-    each: Floats = clock[:, None, :, None] * by_drift[:, :, None, :]
-    return each.reshape(*by_drift.shape[:2], -1)
+    slopes: Floats = clock[:, None, :, None] * by_drift[:, :, None, :]
+    return slopes.reshape(*by_drift.shape[:2], -1)
 
 
 def pad_own_values(own_values: Floats) -> Floats:
@@ -412,8 +416,8 @@ def pad_own_values(own_values: Floats) -> Floats:
 
 
 def residuals(sensor: Sensor, data: Data, own_values: Floats, values: Floats) -> Floats:
-    """Residuals (n, 9) in standard deviations; 0 for a missing reading, `MISSING_RESIDUAL` where
-    the model has no value."""
+    """Residuals (n, 9) in standard deviations; 0 for a missing reading, `MISSING_RESIDUAL` if the
+    model has no value for an existing one."""
     state = states_of(data, own_values, values)
     predicted = predict_readings(sensor, data, own_values, values, state)
     ratio: Floats = (correct(sensor, data.raw) - predicted) / deviations(sensor, data)
@@ -445,7 +449,7 @@ def own_sigma(data: Data, choice: Choice) -> Floats:
 
 
 def own_information(sigma: Floats) -> Floats:
-    """Prior information (9,) in `OWN_UNITS`; bounded for unknowns that are known exactly."""
+    """Prior information (9,), per `OWN_UNITS` squared; bounded for unknowns known exactly."""
     with np.errstate(divide="ignore"):
         information = np.where(np.isfinite(sigma), OWN_UNITS / sigma, 0.0) ** 2
     bounded: Floats = np.minimum(information, 1e18)
@@ -457,8 +461,9 @@ def eliminate_own_unknowns(
 ) -> Normal:
     """Eliminate each sample's own unknowns from the normal equations.
 
-    own_values: (n, 9) present values of the samples' own unknowns.  sigma: (9,) their prior
-    uncertainties, or (6,) those of the reference alone where power and beam are constant.
+    weights: (n, 9) square roots of the readings' weights.  own_values: (n, 9) present values of the
+    samples' own unknowns.  sigma: (9,) their prior uncertainties; (6,) if power and beam are
+    constant.
     """
     own_values = pad_own_values(own_values)
     prior = own_information(np.pad(sigma, (0, OWN_COUNT - len(sigma))))

@@ -1,21 +1,21 @@
-"""Fit the sensor's parameters to readings of a motion that a reference measures, in all axes or
-some.
+"""Fit the sensor's parameters to readings of a motion of which a reference measures all or some
+axes.
 
-The frame is the reference's. Its axes are those of the world, whose origin lies on the beam and at
-the apex's height while the reference is at zero. The mirror's own axes are those that the reference
-moves. So every parameter can be determined in principle; `motions` describes what a motion does not
-determine.
+The reference defines the frames: its axes at zero are the world's axes, whose origin lies on the
+beam at the apex's height at that time, and the axes that it moves are the mirror's. Thus every
+parameter can be determined in principle; `motions` lists parameters that a motion leaves open.
 
 The most probable values minimise
 
     chi^2 = sum ((reading - model) / sigma)^2 + sum ((unknown - before) / sigma_before)^2
 
-over the common unknowns x and each sample's own (Levenberg-Marquardt on the normal equations
-without the latter). The fit has settled when another step would lower chi-square by less than
-`StoppingRule.fall`: then every value is within 0.03 standard uncertainties of the optimum. A limit
-on the size of steps would follow the weakest direction for ever.
+over the common unknowns and each sample's own (Levenberg-Marquardt on the normal equations from
+which the latter are eliminated). The fit has settled when another step would lower chi-square by
+less than `StoppingRule.fall`: every value is then within 0.03 standard uncertainties of the
+optimum. With a limit on the size of steps instead, the fit would follow the weakest direction
+forever.
 
-Shapes and units are those of `bundle_adjustment`; matrices (p, p) and vectors (p,) belong to the p
+Shapes and units are as in `bundle_adjustment`; matrices (p, p) and vectors (p,) belong to the p
 unknowns of the fit's choice, in their order.
 """
 
@@ -75,7 +75,7 @@ NORMAL_MEDIAN = 1.4826
 
 
 class StoppingRule(NamedTuple):
-    """The end of a fit: after a number of steps, or where another step would lower chi-square by
+    """The end of a fit: after a number of steps, or when another step would lower chi-square by
     less than `fall`."""
 
     steps: int = 60
@@ -95,12 +95,12 @@ class Fit:
     reference alone.  all_values: the fitted values of all names in `ALL`.  own_values: (n, 9) the
     values of each sample's own unknowns: its pose relative to the reference's, the relative change
     of the laser's power, the beam's position.  residuals: (n, 9) in standard deviations of the
-    readings.  weights: (n, 9) of the readings, below 1 for outliers.  redundancy: (n, 9) the ratio
-    of a residual's variance to that of its reading, which says how far other readings check it.
-    loss: the sum that the fit minimised.  chi_square, freedom: chi-square and degrees of freedom of
-    all readings without the outliers.  limit: the size of a residual beyond which its reading is an
-    outlier.  steps: number of steps of the fit.  ended: whether the fit settled.  cause: why it did
-    not settle, in words.
+    readings.  weights: (n, 9) of the readings, below 1 for outliers.  redundancy: (n, 9) variance
+    of each residual over its reading's variance, from 0 (unchecked) to 1 (fully checked by other
+    readings).  loss: the minimised sum.  chi_square, freedom: chi-square and degrees of freedom of
+    the readings without outliers.  limit: residual, in standard deviations, beyond which a reading
+    is an outlier.  steps: number of steps.  ended: whether the fit settled.  cause: why it did not
+    settle, else empty.
     """
 
     sensor: Sensor
@@ -143,8 +143,10 @@ class Fit:
 
 
 def solve_open_axes(data: Data, sensor: Sensor) -> Floats:
-    """Initial guess (n, 9) of the samples' own unknowns: axes that the reference does not measure,
-    solved with the nominal sensor; all others zero."""
+    """Initial guess (n, 9) of the samples' own unknowns.
+
+    Axes that the reference does not measure are solved with the nominal sensor; others are zero.
+    """
     own_values = np.zeros((len(data.pose), OWN_COUNT))
     free = np.isinf(data.sigma)
     if free.any():
@@ -169,7 +171,7 @@ class Guess:
 
     @property
     def mean_power_values(self) -> Floats:
-        """The values (ALL,), in which the laser's power is the mean of that of the samples."""
+        """The values (ALL,), with the samples' mean power as the laser's power."""
         values = self.values.copy()
         values[PLACE["beam.power"]] *= 1 + float(self.own_values[:, 6].mean())
         return values
@@ -191,8 +193,8 @@ class Task:
         self.is_known = self.own_sigma == 0
 
     def guess(self, values: Floats, own_values: Floats) -> Guess:
-        """Evaluate the residuals at some values; raise `InputError` if they make no sensor or a
-        laser without power."""
+        """Evaluate the residuals at some values; raise `InputError` if the values define no
+        possible sensor, or a laser without power."""
         sensor = assign_values(self.nominal, values)
         own_values = np.where(self.is_known, 0.0, own_values)
         if (own_values[:, 6] <= -0.9).any():
@@ -200,7 +202,7 @@ class Task:
         return Guess(sensor, values, own_values, residuals(sensor, self.data, own_values, values))
 
     def outlier_limit(self, at: Guess) -> float:
-        """The size of a residual beyond which its reading has less weight; larger where most
+        """Residual, in standard deviations, beyond which a reading has less weight; larger if most
         residuals exceed the noise."""
         if self.robust is None:
             return np.inf
@@ -209,7 +211,7 @@ class Task:
         return self.robust * max(1.0, NORMAL_MEDIAN * middle)
 
     def cost(self, at: Guess, limit: float) -> float:
-        """Huber's loss of the readings, and the squares of the prior."""
+        """Huber's loss of the residuals plus the squared deviations from the prior."""
         size = np.abs(at.residual)
         loss = size**2
         if np.isfinite(limit):
@@ -236,7 +238,8 @@ class Descent(Task):
         return normal.matrix + self.prior, side
 
     def take_step(self, at: Guess, normal: Normal, step: Floats) -> Guess | None:
-        """The guess after a step (p,), at most to the lower bounds; None if it makes no sensor."""
+        """The guess after a step (p,), limited by the lower bounds; None if no sensor is possible
+        there."""
         values, places = at.values.copy(), self.choice.places
         is_beyond = values[places] + step < self.bounds
         if is_beyond.any():
@@ -282,7 +285,7 @@ class Descent(Task):
                     better = tried
                     break
                 damping, growth = max(damping * growth, 0.1), growth * 2
-            if better is None:  # also where only rounding is left of the gain
+            if better is None:  # also if the gain is below rounding
                 return (
                     at,
                     steps,
@@ -295,7 +298,8 @@ class Descent(Task):
         return at, rule.steps, self.describe_remaining_moves(at, matrix, side, worth)
 
     def describe_deadlock(self, worth: float) -> str:
-        """The cause of a fit of which no step lowers chi-square. worth: the predicted decrease."""
+        """Describe why a fit ended without a step that lowers chi-square.  worth: the predicted
+        decrease."""
         return (
             f"no step from here lowers chi-square, though {worth:.3g} could be gained: the model "
             "does not describe these readings; look for a wrong sign, unit, order of detectors or "
@@ -305,11 +309,11 @@ class Descent(Task):
     def describe_remaining_moves(
         self, at: Guess, matrix: Floats, side: Floats, worth: float
     ) -> str:
-        """A sentence that names the unknowns along which the fit still moves, and the remedy.
+        """Describe the unknowns along which the fit still moves, and the remedy.
 
-        Where the prior holds most of the gain and the residuals are noise, samples are missing. A
-        fit whose residuals are larger than the noise creeps along any unknown that the samples
-        hardly determine, but the cause lies elsewhere: holding these unknowns would not help.
+        If most of the gain belongs to the prior and the residuals are noise, the samples determine
+        these unknowns too weakly. If the residuals exceed the noise, the fit also moves along such
+        unknowns, but their cause is another one: holding these unknowns would not help.
         """
         size = float(np.sqrt(np.mean(at.residual[np.isfinite(self.data.raw)] ** 2)))
         step = np.linalg.solve(matrix, side)
@@ -330,8 +334,11 @@ class Descent(Task):
         return f"chi-square still falls by {worth:.3g} a step, mostly along {names}: {remedy}"
 
     def conclusion(self, at: Guess, steps: int, cause: str) -> Fit:
-        """The result of the fit at its last guess. cause: why it did not settle, else empty. If the
-        values make no sensor, the nominal sensor is returned with that cause."""
+        """The result of the fit at its last guess.
+
+        cause: why it did not settle, else empty. If the values define no possible sensor, the
+        result has the nominal sensor and that cause.
+        """
         limit = self.outlier_limit(at)
         model, weights, normal = self.linearise(at, limit)
         matrix, _ = self.add_prior(at, normal)
@@ -340,7 +347,7 @@ class Descent(Task):
         chi_square, freedom = self.chi_square(at, limit, redundancy)
         try:
             sensor = calibrated_sensor(self, at, normal, covariance, freedom)
-        except InputError as error:  # the facets, turned with the mount, may be no pyramid
+        except InputError as error:  # Facets rotated with the mount may not form a pyramid.
             sensor, cause = self.nominal, f"the fitted values make no sensor ({error})"
         return Fit(
             sensor=sensor,
@@ -362,8 +369,11 @@ class Descent(Task):
         )
 
     def chi_square(self, at: Guess, limit: float, redundancy: Floats) -> tuple[float, float]:
-        """Chi-square without the outliers, corrected for the truncation, and its expectation.
-        redundancy: (n, 9), see `redundancies`."""
+        """Chi-square without the outliers, corrected for the truncation, and its degrees of
+        freedom.
+
+        redundancy: (n, 9), see `redundancies`.
+        """
         is_inside = np.isfinite(self.data.raw) & (np.abs(at.residual) <= limit)
         variance = cut_variance(self.robust) if limit == self.robust else 1.0
         chi_square = float((at.residual[is_inside] ** 2).sum()) / variance
@@ -381,10 +391,10 @@ def fit(
 ) -> Fit:
     """Find the most probable values of the chosen unknowns.
 
-    robust: residuals beyond this many standard deviations have less weight (Huber), relative to
-    most residuals if these are larger than the noise; None: equal weights.  start: an earlier fit
-    to the same samples, to begin from.  rule: when the fit ends. Raises `InputError` if there are
-    too few samples or unknowns. `Fit.cause` says why a fit did not settle.
+    robust: residuals beyond this many standard deviations have less weight (Huber); the limit grows
+    if most residuals exceed the noise. None: equal weights.  start: an earlier fit to the same
+    samples, as the initial guess.  rule: end of the fit. Raises `InputError` for too few samples or
+    unknowns. `Fit.cause` states why a fit did not settle.
     """
     task = Descent(sensor, data, choice, robust)
     if start is None:
@@ -435,7 +445,7 @@ def huber_roots(residual: Floats, limit: float) -> Floats:
 
 
 def cut_variance(limit: float | None) -> float:
-    """The variance of a standard normal deviate that lies within +- limit; 1 without a limit."""
+    """Variance of a standard normal deviate truncated at +-limit; 1 without a limit."""
     if limit is None:
         return 1.0
     from scipy.special import ndtr
@@ -503,8 +513,11 @@ def joint_freedom(task: Task, freedom: float) -> float | None:
 
 
 def thermal_of(values: Floats, temperature: float | None) -> Thermal:
-    """The sensor's dependence on temperature from values of `ALL`, relative to the mean temperature
-    of the samples. It is empty without a temperature or a fitted dependence."""
+    """The sensor's temperature coefficients from values (ALL,), zero without a temperature or a
+    fitted dependence.
+
+    temperature: mean of the samples, degrees Celsius, which becomes the reference temperature.
+    """
     if temperature is None or not values[block(TEMPERATURE)].any():
         return Thermal()
     beam_x, beam_y, *places = values[block(TEMPERATURE)].tolist()
@@ -525,7 +538,10 @@ def add_mean_power(task: Task, at: Guess, normal: Normal, covariance: Floats) ->
 
 
 def fold(names: list[str], values: Floats, covariance: Floats) -> tuple[list[str], Floats]:
-    """Names and covariance (p, p) after the mirror's rotation has become part of the facets."""
+    """Names and covariance (p, p) after the mirror's rotation is merged into the facets.
+
+    values: (ALL,) at which the merger is linearised.
+    """
     if set(MOUNT).isdisjoint(names):
         return names, covariance
     changed, sources, slope = fold_derivatives(values)

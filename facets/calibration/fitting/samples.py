@@ -1,8 +1,8 @@
-"""Preparation of samples for a fit: outliers and duplicates are removed, means get their noise.
+"""Prepare samples for a fit: remove outliers and duplicates, and determine the noise of means.
 
-An outlier is a reading that jumped, a damaged frame or a row of another pose. Huber's loss grows
-without bound with such a residual, and so do the sums that decide on candidates. Such samples are
-removed if they are few. If they are many, something else is wrong, and none is removed.
+An outlier is a corrupted reading or a row of another pose. Huber's loss grows without bound with
+such a residual, as do the sums by which candidates are compared. Such samples are removed if they
+are few; if they are many, there is another fault, and none is removed.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ PLACE_ACCURACY_MM = 2e-4
 PLACE_SIGMA_MM = 1e-4
 #: Relative accuracy of the model of real light in a power.
 POWER_ACCURACY = 5e-5
-#: The robust weight below which a reading is an outlier: at 12 standard deviations, with the limit
-#: at 3.
+#: Robust weight below which a reading is an outlier: beyond 12 standard deviations, if the limit of
+#: full weight is 3.
 LEAST_WEIGHT = 0.25
-#: The fraction of samples with an outlier above which none of them counts as one.
-MOST_OUTLIER_SHARE = 0.1
+#: Largest fraction of samples with an outlier for which they are removed.
+MOST_OUTLIER_FRACTION = 0.1
 #: Number of times that outliers are looked for, because large ones hide others.
 EXCLUSION_ROUNDS = 2
 
@@ -43,10 +43,11 @@ EXCLUSION_ROUNDS = 2
 def find_outliers(
     sensor: Sensor, result: Fit, data: Data, robust: float | None
 ) -> NDArray[np.bool_]:
-    """Find samples with a reading that is far off relative to most residuals of its column: (n,).
+    """Whether each sample (n,) has a residual far beyond most residuals of its column.
 
-    Each column has its own scale, because an error of the model in the powers says nothing about
-    the places. Errors within the accuracy of the model of real light are no outliers.
+    robust: limit of full weight, in standard deviations; None: no sample is an outlier. Each column
+    has its own scale, because errors of the model in powers and positions are unrelated. Errors
+    within the accuracy of the model of real light are not outliers.
     """
     if robust is None:
         return np.zeros(len(data.raw), dtype=bool)
@@ -72,7 +73,7 @@ ALIKE = 0.95
 
 
 def warms_with_time(data: Data) -> bool:
-    """Whether the temperature is proportional to time, or to the row's number, in the whole run."""
+    """Whether the temperature correlates with time, or with the row's number, over the run."""
     if data.clock is None or not data.clock[:, 1].any():
         return False
     time = data.clock[:, 0] if data.clock[:, 0].any() else row_numbers(data)
@@ -80,8 +81,8 @@ def warms_with_time(data: Data) -> bool:
 
 
 def half_drift(result: Fit, data: Data) -> Floats:
-    """The drift (8,) of the beam and of the detectors' places in half a run, mm: with time, and
-    with a temperature that is indistinguishable from it."""
+    """Drift (8,) of the beam and of positions on the detectors in half a run, mm: with time, plus
+    with the temperature if this is indistinguishable from time."""
     drifted: Floats = result.all_values[block(TIME_DRIFT)]
     if warms_with_time(data):
         assert data.clock is not None
@@ -97,21 +98,20 @@ def row_numbers(data: Data) -> NDArray[np.int64]:
 def exclude_outliers(
     sensor: Sensor, data: Data, result: Fit, robust: float | None, spent: int = 0
 ) -> tuple[Data, Fit, list[int]]:
-    """Return the samples without outliers, the fit to them, and the rows that were removed; none
-    is removed where they would be many.
+    """Return the samples without outliers, the fit to them, and the numbers of the removed rows.
 
-    spent: number of rows that were removed before.
+    None is removed if there are many outliers.  spent: number of rows that were removed before.
     """
     remaining, last, excluded = data, result, list[int]()
     for _ in range(EXCLUSION_ROUNDS):
-        off = find_outliers(sensor, last, remaining, robust)
-        if not off.any():
+        is_outlier = find_outliers(sensor, last, remaining, robust)
+        if not is_outlier.any():
             break
-        excluded += row_numbers(remaining)[off].tolist()
-        if len(excluded) + spent > MOST_OUTLIER_SHARE * (len(data.raw) + spent):
+        excluded += row_numbers(remaining)[is_outlier].tolist()
+        if len(excluded) + spent > MOST_OUTLIER_FRACTION * (len(data.raw) + spent):
             return data, result, []
-        start = replace(last, own_values=last.own_values[~off])
-        remaining = remaining.part(~off)
+        start = replace(last, own_values=last.own_values[~is_outlier])
+        remaining = remaining.part(~is_outlier)
         last = fit(sensor, remaining, result.choice, robust, start)
     return remaining, last, sorted(excluded)
 
@@ -123,8 +123,8 @@ def remove_duplicates(data: Data) -> Data:
 
 
 def average_equal_poses(sensor: Sensor, data: Data) -> Data:
-    """Average readings at equal poses, where the reference has one and the same error, to one
-    sample with the noise of the mean."""
+    """Average readings at equal poses, where the reference has the same error, to one sample with
+    the noise of the mean."""
     keys = np.column_stack([data.pose, data.beam])
     _, first, group, counts = np.unique(
         keys, axis=0, return_index=True, return_inverse=True, return_counts=True
@@ -152,8 +152,8 @@ def mean_readings(raw: Floats, noise: Floats) -> tuple[Floats, Floats]:
 def add_converter_steps(sensor: Sensor, data: Data) -> Data:
     """Add the variance of the converter's steps to the noise of means.
 
-    The error by the steps is the same in all readings at one state, so that averaging does not
-    reduce it and their scatter does not show it.
+    The error due to the steps is the same in all readings at one state, so that averaging does not
+    reduce it and scatter does not show it.
     """
     if data.rows is None or data.noise is None or sensor.electronics is None:
         return data

@@ -1,8 +1,8 @@
-"""The unknowns of a calibration by name, and the sensor that their values make.
+"""The unknowns of a calibration by name, and the sensor with given values of them.
 
-The order, `ALL`: the sensor's parameters, its beam's shape as a covariance; the corrections of the
-detectors; the effects of real light; the mirror's place on its reference; the changes over the run.
-Units are mm, rad, mW, s and fractions throughout.
+`ALL` has their order: the sensor's parameters, with the beam's shape as a covariance; corrections
+of the detectors; effects of real light; the mirror's position on its reference; changes over the
+run. Units are mm, rad, mW, s and fractions.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def directions() -> Floats:
 
 
 def natural_powers(x: Floats) -> Floats:
-    """The values (n, KNOTS) at places (n,) from -1 to 1 of a basis of natural cubic splines: 1, x,
+    """Values (n, KNOTS) of a basis of natural cubic splines at positions (n,) from -1 to 1: 1, x,
     and pieces of third order that are straight lines beyond the knots."""
     knots = np.linspace(-1, 1, KNOTS)[:-1]
     pieces = np.maximum(x[:, None] - knots, 0) ** 3 / (1 - knots)
@@ -64,16 +64,16 @@ def natural_powers(x: Floats) -> Floats:
 
 
 def bases(places: Floats) -> Floats:
-    """The values (n, LEFT) of the basis functions at places (n, 2), in half sizes; beyond the edge,
-    the values at the edge.
+    """Values (n, LEFT) of a detector's basis functions at positions (n, 2), in half sizes; beyond
+    the edge, the values at the edge.
 
-    Scaled so that a coefficient is about the r.m.s. of what it adds at the knots.
+    They are scaled so that a coefficient is about the r.m.s. correction at the knots.
     """
     at_knots = np.linalg.inv(natural_powers(np.linspace(-1, 1, KNOTS)))
     y, z = (natural_powers(x) @ at_knots for x in np.clip(np.nan_to_num(places), -1, 1).T)
     tensor = (y[:, :, None] * z[:, None, :]).reshape(len(places), KNOTS**2)
-    added: Floats = KNOTS * tensor @ directions()
-    return added
+    scaled: Floats = KNOTS * tensor @ directions()
+    return scaled
 
 
 def spline_slopes(sensor: Sensor, raw: Floats) -> Floats:
@@ -96,8 +96,8 @@ def fine_bases() -> Floats:
 
 
 def replace_spline(sensor: Sensor, coefficients: Floats) -> Sensor:
-    """The sensor whose detectors are corrected by splines with coefficients (6 LEFT), mm, instead
-    of other grids."""
+    """Replace the grids of a sensor's corrections by splines with coefficients (6 LEFT,), mm; the
+    sensor is unchanged if all are zero."""
     if not coefficients.any():
         return sensor
     psds, at = [], np.linspace(-1, 1, FINE_PLACES)
@@ -115,8 +115,8 @@ def spline_error(sensor: Sensor, raw: Floats, names: tuple[str, ...], covariance
     """The standard uncertainty (9,) of the splines' corrections of the readings, r.m.s. over the
     samples, mm.
 
-    covariance: (p, p) of the named unknowns. The uncertainty is that with all other unknowns held:
-    the part that splines and other unknowns have in common is in the uncertainty of the others.
+    covariance: (p, p) of the named unknowns. All other unknowns are held, because their uncertainty
+    already contains the part that they have in common with the splines.
     """
     places = [n for n, name in enumerate(names) if name in SPLINE]
     if not places:
@@ -159,7 +159,7 @@ POWER_DRIFT = tuple(f"time.power_{n}" for n in range(1, 6))
 
 GEOMETRY = tuple(name for name in PARAMETERS if name not in OF_SHAPE)
 OF_SENSOR = (*GEOMETRY, *SHAPE, *NAMES, *EFFECTS)
-#: All unknowns. The splines come last, because their columns are computed only where one is chosen.
+#: All unknowns. The splines are last, because their columns are computed only if one is chosen.
 ALL = (*OF_SENSOR, *MOUNTING, DELAY, *SKEW, *BACKLASH, *LAG, *DRIFTS, *POWER_DRIFT, *SPLINE)
 PLACE = {name: n for n, name in enumerate(ALL)}
 
@@ -173,10 +173,10 @@ def block(names: tuple[str, ...]) -> slice:
 class Choice:
     """The unknowns of a fit: names out of `ALL`, and their prior standard uncertainties.
 
-    power: relative standard deviation of the laser's power from sample to sample; 0 where it is the
-    same in all, infinite where each sample has its own.  beam: standard deviation of the beam's
-    position from sample to sample, mm.  joint: names with a joint prior covariance, and that
-    covariance; None for independent priors.
+    sigma: (p,) these uncertainties.  power: relative standard deviation of the laser's power
+    between samples; 0 if it is constant, infinite if each sample has its own.  beam: standard
+    deviation of the beam's position between samples, mm.  joint: joint prior covariance of some of
+    the unknowns; None for independent priors.
     """
 
     names: tuple[str, ...]
@@ -202,8 +202,8 @@ class Choice:
 
 
 def values_of(sensor: Sensor) -> Floats:
-    """Values (ALL,) of `ALL` of the nominal sensor, mm, rad, mW and fractions, with the apex on the
-    pivot and on the beam."""
+    """Values (ALL,) of all unknowns for a sensor, with the apex on the pivot and on the beam and
+    without changes over the run."""
     nominal = dict(zip(PARAMETERS, parameters(sensor), strict=True))
     values = np.zeros(len(ALL))
     for name in GEOMETRY:
@@ -216,16 +216,17 @@ def values_of(sensor: Sensor) -> Floats:
 
 
 def assign_values(sensor: Sensor, values: Floats) -> Sensor:
-    """Make a sensor with values (ALL,) of `ALL`; raise `InputError` for impossible values."""
+    """Return the sensor with values (ALL,) of the unknowns; raise `InputError` for impossible
+    ones."""
     geometry = dict(zip(GEOMETRY, values[block(GEOMETRY)].tolist(), strict=True))
     axes = axes_of(values[block(SHAPE)], sensor.beam.rotation)
     geometry |= dict(zip(OF_SHAPE, axes, strict=True))
-    made = sensor_with(sensor, [geometry[name] for name in PARAMETERS])
-    made = replace_corrections(made, values[block(NAMES)])
-    made = replace_effects(made, values[block(EFFECTS)])
-    made = replace_spline(made, values[block(SPLINE)])
+    assigned = sensor_with(sensor, [geometry[name] for name in PARAMETERS])
+    assigned = replace_corrections(assigned, values[block(NAMES)])
+    assigned = replace_effects(assigned, values[block(EFFECTS)])
+    assigned = replace_spline(assigned, values[block(SPLINE)])
     a, b, c = values[block(SKEW)].tolist()
-    return replace(made, light=replace(made.light, delays=(a, b, c)), calibration=None)
+    return replace(assigned, light=replace(assigned.light, delays=(a, b, c)), calibration=None)
 
 
 def replace_corrections(sensor: Sensor, coefficient: Floats) -> Sensor:
@@ -267,10 +268,9 @@ def normals(values: Floats) -> Floats:
 
 
 def fold_mount(values: Floats) -> Floats:
-    """Values (ALL,) of `ALL` in which the mount's rotation is zero and part of the facets instead.
+    """Merge the mount's rotation into the facets: values (ALL,) with a mount at zero.
 
-    The mirror's frame is then that of the reference: where the reference is at zero, the solved
-    angles are zero.
+    The mirror's frame is then the reference's: with the reference at zero, solved angles are zero.
     """
     folded = values.copy()
     turn = rotation_matrix(values[block(MOUNT)])
@@ -284,7 +284,7 @@ def fold_mount(values: Floats) -> Floats:
 
 
 def fold_derivatives(values: Floats) -> tuple[list[int], list[int], Floats]:
-    """The places in `ALL` that `fold_mount` changes, those on which it depends, and its derivatives
+    """Indices in `ALL` that `fold_mount` changes, indices on which it depends, and its derivatives
     (6, 9)."""
     facets = [PLACE[f"facet_{k}.{n}"] for k in DETECTORS for n in ("inclination", "azimuth")]
     sources = facets + [PLACE[name] for name in MOUNT]
