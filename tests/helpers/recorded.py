@@ -19,10 +19,15 @@ def events_of(folder):
     return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
 
 
-def record(folder, first=0, count=BLOCKS, close=True):
-    """Record `count` blocks of the stream, starting at sample `first`."""
-    meta = run_record(CONFIG, None, 0.0, {"first": first})
-    recording, pipeline = Recording(folder, meta, CONFIG.resolved), Pipeline(CONFIG)
+def metadata(first=0):
+    """The metadata of a recording that starts at sample `first`."""
+    return run_record(CONFIG, None, 0.0, {"first": first})
+
+
+def record(folder, first=0, count=BLOCKS, close=True, disk=None):
+    """Record `count` blocks of the stream, starting at sample `first`; return the recording."""
+    recording = Recording(folder, metadata(first), CONFIG.resolved, disk=disk)
+    pipeline = Pipeline(CONFIG)
     recording.add_event("connected")
     data = kills.stream(first + count * EACH)[first * SIZE :]
     for n in range(count):
@@ -33,3 +38,4 @@ def record(folder, first=0, count=BLOCKS, close=True):
         recording.flush()
     if close:
         recording.close()
+    return recording

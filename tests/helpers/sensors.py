@@ -3,7 +3,7 @@
 import numpy as np
 from facets.experiments.studies import sensors as experiments_sensors
 
-from facets import BenchLight, Calibration, Sensor
+from facets import BenchLight, Calibration, Sensor, readings
 
 SENSORS = experiments_sensors.SENSORS
 
@@ -47,6 +47,13 @@ def box(count: int, seed: int, reach: float = 0.12) -> np.ndarray:
     ends = [reach, reach, 2, 6e-3, 6e-3, 6e-3]
     some[:, :6] = np.random.default_rng(seed).uniform(-1, 1, (count, 6)) * ends
     return some
+
+
+def lit_states(sensor, low, high, share, count, rng) -> np.ndarray:
+    """Sample states in a box of poses (6,), of which each facet has this fraction of the light."""
+    pose = rng.uniform(low, high, (count, 6))
+    some = np.concatenate([pose, pose[:, :2] - rng.uniform(-0.3, 0.3, (count, 2))], axis=1)
+    return some[readings(sensor, some)[:, 2::3].min(axis=1) >= share * sensor.beam.power]
 
 
 #: A calibration that knows less than a good one, so that its part counts beside the noise.

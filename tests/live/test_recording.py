@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 from facets.experiments.studies import kills
 from programs import await_true
+from recorded import metadata, record
 
 import facets
 from facets import InputError
@@ -44,7 +45,7 @@ from facets.live import (
 )
 
 CONFIG = facets.load("bench")
-META = "config: bench\nresolved: {}\n"
+META = metadata()
 
 
 class Full(Disk):
@@ -91,21 +92,9 @@ def pieces(count, each=25):
     return [Block(data[n * size : (n + 1) * size], 1.0 + 0.0025 * n, None) for n in range(count)]
 
 
-def record(folder, count, disk):
-    """A recording of blocks with their poses and an event each; it is closed."""
-    recording, pipeline = Recording(folder, META, CONFIG.resolved, disk=disk), Pipeline(CONFIG)
-    for block in pieces(count):
-        recording.add_block(block)
-        recording.add_poses(pipeline.feed(block.data, block.arrival))
-        recording.flush()
-        recording.add_event("something")
-    recording.close()
-    return recording
-
-
 @pytest.mark.parametrize("room", [100, 1_650, 5_000, 20_011, 31_999])
 def test_what_was_recorded_before_the_disk_was_full_is_readable(tmp_path, room):
-    recording = record(tmp_path / "r", 40, Full(room + len(META)))
+    recording = record(tmp_path / "r", count=40, disk=Full(room + len(META)))
     assert "No space left" in recording.messages()[0]
     damage = Damage()
     size = sum(len(block.data) for block in blocks(tmp_path / "r", damage))
@@ -165,7 +154,7 @@ def test_blocks_taken_together_give_the_bits_and_counts_of_one_after_the_other(t
 
 @pytest.mark.parametrize("only", ["poses.arrows", "index.bin", "events.jsonl"])
 def test_a_file_that_is_refused_costs_no_received_byte(tmp_path, only):
-    recording = record(tmp_path / "r", 20, Full(150, only=only))
+    recording = record(tmp_path / "r", count=20, disk=Full(150, only=only))
     (message,) = recording.messages()
     assert f"{only}: cannot be written to: File too large" in message
     assert "bytes" not in message
@@ -177,7 +166,7 @@ def test_a_file_that_is_refused_costs_no_received_byte(tmp_path, only):
 @pytest.mark.parametrize("room", [74_000, 90_000, 150_000])
 def test_on_a_full_disk_the_poses_make_room_for_the_bytes(tmp_path, room):
     """Bytes, index and events need 73 kB; the poses would need 250 kB more."""
-    recording = record(tmp_path / "r", 40, Full(room + len(META)))
+    recording = record(tmp_path / "r", count=40, disk=Full(room + len(META)))
     assert recording.lost == 0
     (message,) = recording.messages()
     assert "poses.arrows: was emptied, to make room for the received bytes" in message
@@ -192,7 +181,7 @@ def test_on_a_full_disk_the_poses_make_room_for_the_bytes(tmp_path, room):
 
 def test_recording_goes_on_when_the_disk_has_space_again(tmp_path, monkeypatch):
     monkeypatch.setattr("facets.live.recording.writer.RETRY_INTERVAL_S", 0.0)
-    disk, lost = Full(10_000), 0
+    disk, lost = Full(10_000 + len(META)), 0
     with Recording(tmp_path / "r", META, CONFIG.resolved, disk=disk) as recording:
         for n, block in enumerate(pieces(40)):
             if n == 20:

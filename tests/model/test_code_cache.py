@@ -1,6 +1,5 @@
 """Compiled code is kept where that is possible, and works where it is not."""
 
-import doctest
 import os
 import platform
 import shutil
@@ -116,7 +115,3 @@ def test_changed_text_is_compiled_anew(tmp_path, monkeypatch):
 def test_compiled_code_takes_no_array_with_gaps():
     with pytest.raises(ValueError, match="contiguous"):
         blocks.address_of(np.zeros((4, 4))[:, ::2])
-
-
-def test_the_example_in_the_package_runs():
-    assert doctest.testmod(facets).failed == 0

@@ -41,11 +41,11 @@ def units(task: str, sensor: facets.Sensor, at: np.ndarray, exact: np.ndarray) -
     """One rounding of what is compared: of readings, what a rounding of the state moves them by and
     their own, of a place that of a way of 200 mm at least; of derivatives, of the largest of the
     places or powers in a column."""
+    far = np.abs(np.nan_to_num(at, posinf=0, neginf=0)).max(axis=1)[:, None, None]
     if task == "footprints":
-        far = np.maximum(256, np.abs(np.nan_to_num(at, posinf=0, neginf=0)).max(axis=1))
         # A rounding of the mirror's turn moves a spot by the square of its way over the distance.
         moved = np.nan_to_num(exact) ** 2 / 256
-        return EPSILON * np.maximum(moved, far[:, None, None])
+        return EPSILON * np.maximum(moved, np.maximum(256, far))
     power = np.arange(9) % 3 == 2
     if task == "readings":
         slopes = np.abs(np.nan_to_num(arrays.derivatives(sensor, at)))
@@ -54,7 +54,6 @@ def units(task: str, sensor: facets.Sensor, at: np.ndarray, exact: np.ndarray) -
     size, unit = np.abs(np.nan_to_num(exact)), np.empty(exact.shape)
     # Terms cancel that are as large as the way to the mirror; by the sensor, some mm a radian.
     least = 1.0 if task == "parameter_jacobian" else 1e-3
-    far = np.abs(np.nan_to_num(at, posinf=0, neginf=0)).max(axis=1)[:, None, None]
     for rows in (power, ~power):
         largest = size[:, rows].max(axis=1, keepdims=True)
         unit[:, rows] = np.maximum(largest, np.maximum(least, 1e-5 * far))

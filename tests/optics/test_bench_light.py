@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from executions import COATED
 from facets.experiments.studies.bench_rays import RayBench, spots
-from sensors import ALL, ASYMMETRY, PROFILE, SENSORS, box, states
+from sensors import ALL, ASYMMETRY, DEPTHS, PROFILE, SENSORS, box, states
 
 import facets
 from facets import BenchLight, InputError
@@ -43,7 +43,6 @@ def by_rays(sensor, some):
     return spots(sensor, RayBench.from_sensor(sensor), some)
 
 
-DEPTHS = (6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5)
 #: One effect each, and how far rays and the model may be apart: um, and fraction of the power. Rays
 #: have a roll-off's whole profile and a tip's whole disc, the model some moments; the model has the
 #: spread of an edge's light along the edge, the rays have not. Edges are straight to astigmatic

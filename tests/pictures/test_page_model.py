@@ -23,10 +23,9 @@ CUT = replace(
 )
 FINE = Rules(coarsest=(4e-3, 4e-3, 3.5e-3, np.inf, np.inf, 1.4e-5), condition=3e4)
 PAPER, BENCH = facets.Sensor(), facets.load("bench").sensor
-needs_node = pytest.mark.skipif(not shutil.which("node"), reason="needs Node")
+pytestmark = pytest.mark.skipif(not shutil.which("node"), reason="needs Node")
 
 
-@needs_node
 @pytest.mark.parametrize(
     ("sensor", "rules"),
     [
@@ -54,7 +53,6 @@ def test_the_page_knows_the_range_as_the_package_does(sensor, rules):
         assert (shown["low"], shown["high"]) == pytest.approx((axis.low, axis.high), abs=1e-7)
 
 
-@needs_node
 def test_a_saturated_detector_reads_nothing():
     given = np.zeros((41, 8))
     given[:, 0], given[:, 1] = np.linspace(-0.5, 0.5, 41), 0.2
@@ -69,7 +67,6 @@ def test_a_saturated_detector_reads_nothing():
     assert empty == np.repeat(expected, 3, axis=1).tolist()
 
 
-@needs_node
 def test_what_is_drawn_lies_where_the_model_has_it():
     """The spots of the apex and of the beam, and the facets that the beam meets."""
     sensor = SENSORS["skewed1"]
@@ -86,7 +83,6 @@ def test_what_is_drawn_lies_where_the_model_has_it():
             assert facet["beamSpot"] == pytest.approx(spot.beam, abs=1e-9)
 
 
-@needs_node
 @pytest.mark.slow
 def test_the_page_finds_poses_from_cut_light_on_a_coating():
     sensor = replace(CUT, light=COATED)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from facets.experiments import certificate_pieces, certificate_schema, check_certificate
 from flint import arb
+from sensors import lit_states
 
 import facets
 from facets.characterization import box_of_poses
@@ -52,10 +53,7 @@ def test_it_is_checked_again_and_its_bound_holds(content, tmp_path):
     assert content["margin"] / 2 < checked.margin < 1
     assert checked.determinant > 0
     sensor, rng = between(0.85), np.random.default_rng(1)
-    pose = rng.uniform(-WIDE, WIDE, (3000, 6))
-    states = np.concatenate([pose, pose[:, :2] - rng.uniform(-0.3, 0.3, (3000, 2))], axis=1)
-    lit = facets.readings(sensor, states)[:, 2::3].min(axis=1) >= SHARE * sensor.beam.power
-    matrices = facets.jacobian(sensor, states[lit])
+    matrices = facets.jacobian(sensor, lit_states(sensor, -WIDE, WIDE, SHARE, 3000, rng))
     least = np.abs(np.linalg.det(np.delete(matrices, 8, axis=1))).min()
     assert max(checked.determinant, content["least_determinant"]) <= least
 

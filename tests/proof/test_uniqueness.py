@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from facets.experiments import certificate_optics
 from flint import arb
-from sensors import SENSORS
+from sensors import SENSORS, lit_states
 
 import facets
 from facets.characterization import (
@@ -36,14 +36,6 @@ from facets.scalars import intervals
 SMALL = parse_box("tx_mm=2,ty_mm=2,tz_mm=2,roll_mrad=4,pitch_mrad=4,yaw_mrad=6")
 SHARE = 0.2
 PAPER = SENSORS["paper"]
-
-
-def states_in(domain, sensor, share, count, rng):
-    """States of the box at which every facet has its share."""
-    pose = domain.low[:6] + rng.random((count, 6)) * (domain.high[:6] - domain.low[:6])
-    states = np.concatenate([pose, pose[:, :2] - rng.uniform(-0.3, 0.3, (count, 2))], axis=1)
-    lit = facets.readings(sensor, states)[:, 2::3].min(axis=1) >= share * sensor.beam.power
-    return states[lit]
 
 
 def with_powers_held(matrix):
@@ -78,7 +70,9 @@ def test_jacobians_at_random_states_lie_in_what_is_proved(name, factor):
     least_slope, largest_slope = intervals.ends(slope_of_powers(ball, shares))
     for _ in range(10):
         real = sensor_with(sensor, np.array(parameters(sensor)) + rng.choice([-1, 1], 30) * off)
-        matrices = facets.jacobian(real, states_in(SMALL, real, SHARE, 200, rng))
+        matrices = facets.jacobian(
+            real, lit_states(real, SMALL.low[:6], SMALL.high[:6], SHARE, 200, rng)
+        )
         determinants = np.abs(np.linalg.det(np.delete(matrices, 8, axis=1)))
         assert 0 < certificate.at_least <= determinants.min()
         for matrix in matrices:
