@@ -1,6 +1,6 @@
-"""Write the machine code of `blocks`: Gauss-Newton steps with a lane for each reading.
+"""Write the machine code of `blocks`: Gauss-Newton steps with one lane per reading.
 
-This module is imported only where the code is not cached.
+This module is imported only if the code is not cached.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ Numbers = list[Any]
 
 
 def write_estimator(form: Form) -> LaneWrite:
-    """Return what writes a function of a `BlockTask`'s address that estimates its readings."""
+    """Return the writer of a machine-code function that estimates the readings of a `BlockTask`,
+    whose address is its argument."""
 
     def write(builder: Any, arguments: Sequence[Any], begin_code: Any) -> None:
         at = builder.inttoptr(arguments[0], ir.PointerType(LONG))
@@ -85,9 +86,10 @@ def iterate(
     """Write the loop over steps, which ends when all lanes have, and return the last state.
 
     advance: writes one step from a state; its second argument is a bit that is set in the first
-    round.  patient: 0 if the loop ends while lanes that need many steps have not.
+    step.  patient: 0 if the loop does not wait for lanes that need many steps.
     """
-    memory = [LaneMemory(code) for _ in leaves(first)]  # one each, so that registers replace it
+    # Separate cells, so that the compiler can replace them by registers.
+    memory = [LaneMemory(code) for _ in leaves(first)]
 
     def keep(state: State) -> None:
         for cell, number in zip(memory, leaves(state), strict=True):
@@ -108,9 +110,10 @@ def iterate(
 
 
 def reuse_start(rows: BlockRows, begins: Any, compute: Callable[[], Any]) -> Any:
-    """Write what `compute` writes; if all readings have the same start, only for the first block.
+    """Write the code of `compute`; with the same start for all readings, later blocks load the
+    first block's results instead.
 
-    Later blocks load the first block's results.  begins: a bit that is set at the start.
+    begins: a bit that is set at the start.
     """
     if rows.form.varied:
         return compute()
@@ -140,7 +143,7 @@ def write_results(rows: BlockRows, end: State, used: Numbers, free: Sequence[int
 
 
 class LoadedRows(NamedTuple):
-    """Numbers of each lane's own row, in the form in which `packing.vectors_at` loads them."""
+    """Numbers of each lane's own row, in the form that `packing.vectors_at` loads."""
 
     numbers: Numbers
 
@@ -151,8 +154,8 @@ class LoadedRows(NamedTuple):
 class BlockRows:
     """A block's rows in the arrays of a task.
 
-    scales: the numbers that all readings have in common, as `Scales`.  vectors: those of the
-    sensor; in a varied form, those of each lane's sensor.  first: number of the block's first row.
+    scales: the numbers that all readings have in common, as `Scales`.  vectors: of the sensor; in a
+    varied form, of each lane's sensor.  first: number of the block's first row.
     """
 
     def __init__(self, code: LaneWriter, task: BlockTask, form: Form) -> None:
@@ -163,7 +166,7 @@ class BlockRows:
             self.vectors = vectors_of(code, self.pointers.packed, form.kind)
 
     def begin(self, index: Any) -> None:
-        """Begin a block, by its number."""
+        """Begin the block with the number `index`."""
         code, kind = self.code, self.form.kind
         self.first = code.builder.mul(index, ir.Constant(LONG, code.lanes))
         self.scales = vectors_at(code, self.pointers.scales, SCALES)
@@ -176,7 +179,7 @@ class BlockRows:
     def read(self, name: str, width: int, has_own_rows: Any) -> Numbers:
         """Read rows of `width` numbers.
 
-        has_own_rows: 1 where each lane has a row, 0 where all lanes have the same one.
+        has_own_rows: 1 if each lane has a row, 0 if all lanes have the same row.
         """
         stride = self.code.builder.mul(has_own_rows, ir.Constant(LONG, width))
         return load_rows(self.code, self._first_row(name, stride), stride, width)

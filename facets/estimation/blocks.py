@@ -1,6 +1,6 @@
-"""Estimate poses by compiled code, with one lane for each reading: see `step` and `block_code`.
+"""Estimate poses by compiled code with one lane per reading, see `step` and `block_code`.
 
-The result of a reading does not depend on the others in its block.
+The result of a reading is independent of the other readings in its block.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ Array = Any
 #: Compiled code that estimates blocks of readings; its argument is the address of a `BlockTask`.
 Code = Callable[[int], None]
 
-#: Number of readings in the first run of estimates in turn, and in the run after a reading that has
-#: no pose; each further run has twice as many.
-FEWEST_IN_A_ROW = 8
+#: Number of readings in the first run of estimates in turn, and in the run after a reading without
+#: a pose; each further run has twice as many.
+FIRST_RUN = 8
 
-#: The files on which the compiled code depends, in addition to those of the model's blocks.
+#: Files on which the compiled code depends, in addition to the files of the model's blocks.
 PARTS = (
     "block_code.py",
     "blocks.py",
@@ -61,7 +61,7 @@ PARTS = (
 
 @once
 def kernel(form: Form, width: int | None = None) -> Code:
-    """Return the compiled code for a form; compile it if it is not cached.
+    """Return the compiled code for a form, from a cache if possible.
 
     width: number of readings in a block; `lanes()` by default.
     """
@@ -76,7 +76,7 @@ def kernel(form: Form, width: int | None = None) -> Code:
 
 
 def scales_of(readings: Readings, problem: FitProblem) -> Array:
-    """The numbers of `Scales` in one array."""
+    """Write the numbers of `Scales` into one array."""
     limits = problem.limits
     checks = count_checks(0, problem.free, problem.weight) - limits.eight
     scales = Scales(
@@ -105,10 +105,11 @@ def estimate_blocks(
 ) -> None:
     """Estimate readings in blocks, and write them into `results`.
 
-    Readings that need many steps are then estimated again, together in blocks of their own.
+    Blocks do not wait for readings that need many steps; these are estimated again, together in
+    further blocks.
 
-    code: from `kernel`.  packed: the vectors of the sensor, or a row for each reading.  patient:
-    see `BlockTask`.
+    code: from `kernel`.  packed: the sensor's vectors, or a row of them for each reading.  patient:
+    whether blocks wait for all readings.
     """
     n = len(readings.values)
     full, ends = n // lanes() * lanes(), np.empty((n, 5))
@@ -130,7 +131,7 @@ def estimate_blocks(
             rows[full:] = some[: n - full]
     put_ends(ends, results)
     late = np.flatnonzero(results.status == GOING)
-    if len(late):  # blocks did not wait for them
+    if len(late):
         repeated = empty_results(len(late), results.covariances.shape[1] > 0)
         sensors = packed[late] if packed.ndim > 1 else packed
         estimate_blocks(code, sensors, *some_rows(late, readings, problem), repeated, patient=True)
@@ -160,8 +161,8 @@ def run_blocks(
 
 
 def weights_of(readings: Readings) -> Array:
-    """The weights (n, 9) of readings from their standard deviations; for readings without, an array
-    of this shape with any numbers."""
+    """Weights (n, 9) of readings from their standard deviations; without these, an unused array of
+    this shape."""
     with np.errstate(all="ignore"):
         return 1 / readings.sigmas if len(readings.sigmas) else readings.values
 
@@ -173,12 +174,12 @@ def task_of(arrays: Sequence[Array], flags: Sequence[int], blocks: int) -> Array
 
 
 class KeptBlocks:
-    """Memory for estimating a few readings at a time, used again and again.
+    """Memory that is reused for estimates of a few readings at a time.
 
-    `estimate` takes the readings that are then in the arrays of `readings` and `problem`: a single
-    one, which all lanes estimate, or as many as fill complete blocks.
-    numbers: a row of the numbers of a `LazySolution` for each reading; overwritten by the next
-    readings.
+    `estimate` uses the present contents of `readings` and `problem`: a single reading, which all
+    lanes estimate, or as many as fill complete blocks.
+    numbers: (n, k) a row of the numbers of a `LazySolution` for each reading; the next estimate
+    overwrites it.
     """
 
     def __init__(
@@ -216,11 +217,11 @@ def estimate_in_turn(
 ) -> None:
     """Estimate readings one after the other, and write them into `results`.
 
-    Each reading starts at the end of the last one that converged, and again from its own start if
-    it has no pose then.  The arguments are those of `estimate_blocks`; code: for blocks of `SINGLE`
+    Each reading starts from the solution of the last converged one and, if this leads to no pose,
+    again from its own start. Arguments as for `estimate_blocks`; code: for blocks of `SINGLE`
     lanes.
     """
-    count, near, n, length = len(readings.values), None, 0, FEWEST_IN_A_ROW
+    count, near, n, length = len(readings.values), None, 0, FIRST_RUN
     fixed = np.delete(np.arange(UNKNOWNS), problem.free)
     changes = (np.diff(problem.starts[:, fixed], axis=0) != 0).any(axis=1)
     ends = np.append(np.flatnonzero(changes) + 1, count)
@@ -243,7 +244,7 @@ def estimate_in_turn(
             put_rows(results, slice(n, n + good), Results(*(part[:good] for part in chain)))
             near = chain.states[good - 1, problem.free] if good else near
             n += good
-            length = 2 * length if n == last else FEWEST_IN_A_ROW
+            length = 2 * length if n == last else FIRST_RUN
             if n == last:
                 continue
             steps = chain.steps[good]
@@ -262,9 +263,10 @@ def follow(
     problem: FitProblem,
     covariance: bool,
 ) -> Results:
-    """Estimate each reading from the end of the one before it; the first from the start (9,).
+    """Estimate each reading from the solution of the previous one, the first from the start (9,).
 
-    No reading after one without a pose has a pose. The starts are the states, one row earlier.
+    After a reading without a pose, no further one has a pose. The array of starts is the array of
+    states, shifted by one row.
     """
     count = len(readings.values)
     states, ends = np.empty((SINGLE * (count + 1), UNKNOWNS)), np.empty((SINGLE * count, 5))
@@ -299,7 +301,7 @@ def estimate(
 
     Under real light, stalled estimates are repeated with exact derivatives.
 
-    kind, exact: as in `Form`.  packed: the vectors of the sensor, or a row for each reading.
+    kind, exact: as in `Form`.  packed: the sensor's vectors, or a row of them for each reading.
     """
     is_varied = packed.ndim > 1
     code = find_code(kind, request, exact, SINGLE if request.previous else None, is_varied)
@@ -321,7 +323,7 @@ def find_code(
     width: int | None = None,
     is_varied: bool = False,
 ) -> Code:
-    """Return the code that estimates blocks of readings; compile it if it is not compiled yet.
+    """Return the code that estimates blocks of readings, from a cache if possible.
 
     kind, exact, is_varied: as in `Form`.  width: see `kernel`.
     """
@@ -329,7 +331,7 @@ def find_code(
 
 
 def prepare(sensor: Sensor, knowledge: Knowledge) -> None:
-    """Compile or load all code that a reading may need, so that a live loop never waits for it."""
+    """Compile or load all code that a reading may need, before a live loop needs it."""
     free, kind = tuple(make_plan(sensor, knowledge).free.tolist()), kind_of(sensor)
     for exact in (False, True) if kind in LIT else (False,):
         for width in (None, SINGLE):

@@ -1,8 +1,8 @@
 """The plan of an estimate, made once for a sensor: unknowns, priors, starts, limits of residuals.
 
-The degrees of freedom are the numbers of a reading and of the priors in excess of the unknowns. If
-the model is right, the squared residual follows the chi-square distribution with these degrees of
-freedom, and noise exceeds the limit with the probability `FALSE_ALARM_RATE`.
+The degrees of freedom are the count of a reading's numbers and of priors minus the count of
+unknowns. If the model is right, the squared residual follows the chi-square distribution with these
+degrees of freedom, and noise exceeds the limit with the probability `FALSE_ALARM_RATE`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..detectors.noise import least_light, other_light, power_floor, standard_de
 from ..model.arrays import as_vectors, readings, spot_size
 from . import problem
 
-#: The probability that the residual of a right pose exceeds its limit.
+#: Probability that the residual of a correct pose exceeds its limit.
 FALSE_ALARM_RATE = 1e-4
 #: The residuals, in standard deviations, that noise exceeds with FALSE_ALARM_RATE, for 0 to 9
 #: degrees of freedom. They are written out because importing the chi-square distribution is slow.
@@ -34,9 +34,9 @@ LIMITS = np.array([
 
 
 def count_checks(detectors: int, free: NDArray[np.int64], weights: Floats) -> int:
-    """The number of readings and priors in excess of the unknowns.
+    """Count of readings and priors minus the count of unknowns.
 
-    detectors: number of detectors used.  free: numbers of the unknowns.  weights: (3,) of the
+    detectors: number of detectors used.  free: indices of the unknowns.  weights: (3,) of the
     priors of bx, by and the power.
     """
     priors = sum(bool(weights[c - 6] > 0) for c in free.tolist() if c >= 6)
@@ -54,7 +54,7 @@ class Chance(NamedTuple):
 
     def checks(self, used: NDArray[np.bool_]) -> NDArray[np.int8]:
         """The degrees of freedom of each pose (...), from the detectors used (..., 3)."""
-        if used.all():  # a shortcut: counting takes longer than a step of the estimate
+        if used.all():  # A shortcut, because counting takes longer than a step of the estimate.
             return np.full(used.shape[:-1], max(9 + self.none, 0), np.int8)
         count = np.maximum(3 * np.count_nonzero(used, axis=-1) + self.none, 0)
         return np.asarray(count, np.int8)
@@ -70,8 +70,8 @@ class Chance(NamedTuple):
 
 
 def widening_of(sensor: Sensor) -> float:
-    """The factor by which model errors raise a calibrated sensor's residuals above the noise;
-    cached per sensor."""
+    """Factor by which model errors raise a calibrated sensor's residuals above the noise; 1 without
+    such errors. Cached per sensor."""
     calibration = sensor.calibration
     errors = (*MISFIT, *MODEL_ERROR)
     if calibration is None or not any(name in errors for name in calibration.names):
@@ -82,28 +82,29 @@ def widening_of(sensor: Sensor) -> float:
     return widening
 
 
-#: The state at rest as a batch of one: single states have code of their own, with other rounding.
+#: The zero state as a batch of one row, because single states use other code with other rounding.
 REST = np.zeros((1, 8))
 
 
 def measure_widening(sensor: Sensor, calibration: Calibration) -> float:
-    """Compute `widening_of` at rest: the largest of the nine readings' factors."""
+    """Compute `widening_of` at the zero state: the largest factor of the nine readings."""
     (noise,) = standard_deviations(sensor, readings(sensor, REST))
-    missed = {name: calibration.covariance[n][n] for n, name in enumerate(calibration.names)}
-    over = [
-        sum(missed.get(name, 0.0) for name in names) / s**2
+    variances = {name: calibration.covariance[n][n] for n, name in enumerate(calibration.names)}
+    ratios = [
+        sum(variances.get(name, 0.0) for name in names) / s**2
         for *names, s in zip(MISFIT, MODEL_ERROR, noise, strict=True)
     ]
-    return float(np.sqrt(1 + np.nanmax(over)))
+    return float(np.sqrt(1 + np.nanmax(ratios)))
 
 
 class Plan(NamedTuple):
     """The unknowns and the priors of an estimate.
 
-    means: (1 or n, 3) prior means of bx, by and the power.  weights: (3,) 1/sigma of the priors.
-    free: numbers of the unknowns.  limits: limits for screening readings.  least_redundancy: poses
-    with less redundancy are unchecked. It is negative where a prior is mostly the laser's jitter:
-    jitter differs from sample to sample and so checks a pose as the noise of a reading does.
+    means: (1 or n, 3) prior means of bx, by, mm, and the power, mW.  weights: (3,) 1/sigma of the
+    priors, 0 if unknown or known exactly.  free: indices of the unknowns.  limits: limits for
+    screening readings.  least_redundancy: poses with less redundancy are unchecked. It is negative,
+    for no limit, if a prior's uncertainty is mostly the laser's jitter, because jitter differs
+    between samples like the noise of a reading.
     """
 
     means: Floats
@@ -114,12 +115,15 @@ class Plan(NamedTuple):
 
 
 def prior_means(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
-    """The prior means of bx, by and the power: (1, 3), or (n, 3) if they differ by reading."""
-    where, amount = as_floats(place.mean, "mean"), as_floats(light.mean, "mean")
-    shape = shape if where.shape[:-1] or amount.shape else ()
+    """Prior means of bx, by, mm, and the power, mW: (1, 3), or (n, 3) if they differ by reading.
+
+    Raises `InputError` if a prior's means do not fit the readings' leading shape.
+    """
+    position, power = as_floats(place.mean, "mean"), as_floats(light.mean, "mean")
+    shape = shape if position.shape[:-1] or power.shape else ()
     try:
         means = np.empty((*shape, 3))
-        means[..., :2], means[..., 2] = where, amount
+        means[..., :2], means[..., 2] = position, power
     except ValueError as error:
         raise InputError(f"a prior does not fit readings of shape {shape}: {error}") from None
     return means.reshape(-1, 3)
@@ -148,17 +152,14 @@ def make_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
 
 
 def usable_area(psd: Psd, cut: float) -> tuple[float, ...]:
-    """The lowest and the highest psi and zeta that count, mm.  cut: of `edge_cut_width`."""
+    """Lowest and highest psi and zeta at which readings are used, mm.  cut: `edge_cut_width`."""
     y, z = psd.size_y / 2 - cut, psd.size_z / 2 - cut
     low_y, high_y, low_z, high_z = psd.usable
     return (max(-y, low_y), min(y, high_y), max(-z, low_z), min(z, high_z))
 
 
 def edge_cut_width(sensor: Sensor) -> float:
-    """Distance to an edge within which the edge cuts the spot, mm.
-
-    The centroid of a cut spot hardly moves with the spot.
-    """
+    """Distance from an edge within which it cuts the spot, mm; 0 if edges do not cut light."""
     return spot_size(sensor) / 2 if sensor.apertures.detectors else 0.0
 
 
@@ -167,7 +168,8 @@ def make_plan(
 ) -> Plan:
     """Make the plan of an estimate.
 
-    shape: leading shape of the readings, for priors with a mean for each of them.
+    shape: leading shape of the readings, for priors with a mean for each reading. Raises
+    `InputError` for priors of a wrong shape, and for priors with the paper's method.
     """
     paper = method == "paper"
     if paper and knowledge != Knowledge():
@@ -203,7 +205,7 @@ def jitter_fraction(sensor: Sensor, information: Floats) -> Floats:
 
 
 def chance_of(sensor: Sensor, plan: Plan) -> Chance:
-    """The limits of the residuals for the poses of a plan."""
+    """Limits of the residuals for the poses of a plan."""
     none = count_checks(0, plan.free, plan.weights) - plan.limits.eight
     return Chance(none, widening_of(sensor))
 
@@ -240,9 +242,10 @@ def start_states(
 ) -> Floats:
     """The states (1 or n, 9) from which the estimates start, with the power.
 
-    start, values, shape: argument `start` of `facets.solve`, the readings (n, 9) and their leading
-    shape.  An unknown power starts from the measured light. A state at which diffraction leaves the
-    model without a reading is replaced by zero, because no step would lead away from it.
+    start: argument of `facets.solve`.  values: (n, 9) readings.  shape: their leading shape. An
+    unknown power starts from the measured light. A state where diffraction leaves the model without
+    a reading is replaced by zero, because no step leads away from it. Raises `InputError` for
+    another `start`.
     """
     unknown_power = plan.weights[2] == 0 and plan.free[-1] == 8
     if not isinstance(start, str):
@@ -266,18 +269,18 @@ def start_states(
     elif start in ("zero", "previous"):
         starts = np.zeros((len(values) if unknown_power else len(plan.means), 9))
         starts[:, 6:] = plan.means
-        starts[:, :2] = plan.means[:, :2]  # the detectors have light only near the beam
+        starts[:, :2] = plan.means[:, :2]  # The detectors have light only near the beam.
     else:
         raise InputError(f'start is {start!r}; allowed: "zero", "previous" or states (..., 8)')
     if unknown_power:
-        with np.errstate(over="ignore", invalid="ignore"):  # a corrupted reading can be any number
+        with np.errstate(over="ignore", invalid="ignore"):  # Corrupted readings can be any number.
             total = np.nansum(values[:, 2::3], axis=1)
         starts[:, 8] = np.where(np.isfinite(total) & (total > 0), total, starts[:, 8])
     return starts
 
 
 def is_previous(start: object) -> bool:
-    """Whether each sample starts at the end of the last converged one."""
+    """Whether each sample starts from the solution of the last converged one."""
     return isinstance(start, str) and start == "previous"
 
 

@@ -33,13 +33,13 @@ DETECTOR_BITS = np.array([1, 2, 4])
 
 
 class Status(IntEnum):
-    """How the estimate of one reading ended. Only a converged one has a pose.
+    """Result of the estimate of one reading; only a converged one has a pose.
 
-    UNCHECKED: there are only as many usable readings as unknowns, so that a corrupted reading also
-    gives a pose and nothing shows the error; `solve(..., accept_unchecked=True)` returns it.
-    AMBIGUOUS: another pose has the same reading. Only live samples have the two others. SKIPPED:
-    the sample was recorded but not solved, because the run had fallen behind; a replay solves it.
-    SATURATED: a converter was at its end, so that the reading is not finite.
+    UNCHECKED: there are only as many usable numbers as unknowns, so that a corrupted reading would
+    cause an undetected error; `solve(..., accept_unchecked=True)` returns such a pose. AMBIGUOUS:
+    another pose has the same reading. Only live samples can be SKIPPED or SATURATED. SKIPPED: the
+    sample was recorded but not solved, because the run was late; a replay solves it. SATURATED: a
+    converter was at the end of its range, so that the reading is not finite.
     """
 
     CONVERGED = problem.CONVERGED
@@ -59,7 +59,7 @@ class Status(IntEnum):
         return self.name.lower().replace("_", " ")
 
 
-#: The words for each status, by its number.
+#: Words for the statuses, by number.
 LABELS = {status.value: status.label for status in Status}
 
 
@@ -109,8 +109,8 @@ class UncertainResult:
     def degrees_of_freedom(self) -> Floats:
         """Effective degrees of freedom of `uncertainty`, by Welch and Satterthwaite.
 
-        Noise and priors count as known, with infinitely many degrees of freedom. NaN if those of
-        the calibration are unknown: the configuration has no
+        Noise and priors count as known, with infinitely many degrees of freedom. NaN if the
+        calibration's degrees of freedom are unknown, because the configuration has no
         `sensor.calibration.degrees_of_freedom`.
         """
         variance = self.uncertainty**2
@@ -188,7 +188,7 @@ def worded_columns(columns: dict[str, Any]) -> dict[str, Any]:
     return columns | {name: words[name][columns[name]] for name in words if name in columns}
 
 
-#: The parts of an uncertainty that a table has in addition, if the sensor has a calibration.
+#: Parts of an uncertainty with columns of their own if the sensor has a calibration.
 UNCERTAINTY_PARTS = ("noise", "calibration")
 
 
@@ -283,10 +283,10 @@ class Solution(UncertainResult):
 
     Notes
     -----
-    Noise differs from sample to sample: a mean over n samples of one pose has its variance divided
-    by n. The errors of the calibration are the same in every sample, so that a mean has the same
-    part of them. So it is with the part of the priors, which is `covariance` less the two parts. A
-    difference of two poses has far less of the calibration's part: see
+    Noise differs between samples: a mean over n samples of one pose has its variance divided by n.
+    The errors of the calibration are the same in every sample, so that they remain in a mean. This
+    also holds for the part of the priors, which is `covariance` minus the two parts. The
+    calibration's part of a difference of two poses is much smaller; see
     `facets.difference_uncertainty`.
 
     Examples
@@ -323,8 +323,8 @@ class Solution(UncertainResult):
     def misfit(self) -> NDArray[np.bool_]:
         """Whether each reading has a pose with a residual beyond `limit`: (...).
 
-        The numbers of such a reading contradict each other or the model of the sensor. The pose may
-        be wrong by far more than its stated uncertainty.
+        The numbers of such a reading contradict each other or the model of the sensor. The pose's
+        error may be far larger than its stated uncertainty.
         """
         return np.greater(self.residual, self.limit)
 
@@ -332,16 +332,16 @@ class Solution(UncertainResult):
     def ok(self) -> NDArray[np.bool_]:
         """Whether each reading has a pose that is no misfit: (...).
 
-        One in 10,000 right poses is marked as a misfit by chance. `facets.unseen_errors` bounds the
-        error that one corrupted number can cause in a pose that is `ok`: with a free beam, the
-        positions of the spots are unchecked.
+        One in 10,000 correct poses is marked as a misfit by chance. `facets.unseen_errors` bounds
+        the error that one corrupted number can cause in a pose that is `ok`; with a free beam, the
+        positions of the spots have no redundancy.
         """
         return self.converged & ~self.misfit
 
     @property
     def summary(self) -> str:
-        """The numbers of poses, of those that are `ok`, and the residual (root mean square) over
-        that of the stated noise."""
+        """Number of poses, number of poses that are `ok`, and the root mean square of the residuals
+        relative to the stated noise."""
         checks, ok = np.asarray(self.checks, float)[self.converged], np.count_nonzero(self.ok)
         squares = np.square(self.residual[self.converged])
         ratio = np.sqrt(squares.sum() / checks.sum()) if checks.any() else np.nan
@@ -351,8 +351,9 @@ class Solution(UncertainResult):
         )
 
     def columns(self) -> dict[str, Any]:
-        """The solution as columns of numbers: state, status, the bits of the detectors used,
-        residual, power, uncertainties, and `misfit`, 1 for a residual beyond its limit."""
+        """Columns of numbers, in the units of tables: state, status, the bits of the used
+        detectors, residual, power, uncertainties, and `misfit`, 1 for a residual beyond its limit.
+        """
         columns = state_columns(self.state)
         columns["status"] = self.status
         columns["used"] = (self.used @ DETECTOR_BITS).astype(np.uint8)
@@ -386,13 +387,15 @@ class Solution(UncertainResult):
         >>> poses.status.tolist(), poses.attrs["units"]["roll_mrad"]
         (['converged', 'converged', 'converged'], 'mrad')
         """
-        more = covariance_columns(self) if covariance else {}
-        return make_frame(worded_columns(self.columns()) | more, index=self.index)
+        covariances = covariance_columns(self) if covariance else {}
+        return make_frame(worded_columns(self.columns()) | covariances, index=self.index)
 
 
 def empty_solution(count: int, status: int, has_parts: bool) -> Solution:
-    """Make a solution without any pose, with one status.  has_parts: whether the covariance has
-    parts."""
+    """Make a solution of `count` readings with one status and no pose.
+
+    has_parts: whether the covariance has parts.
+    """
     numbers = np.full((count, COVARIANCE + len(problem.KEPT_ENTRIES)), np.nan)
     numbers[:, STATUS:RESIDUAL] = numbers[:, CHECKS] = 0.0
     numbers[:, STATUS], numbers[:, LIMIT] = status, np.inf
@@ -402,7 +405,7 @@ def empty_solution(count: int, status: int, has_parts: bool) -> Solution:
 
 
 def root_of_covariance(covariance: Floats) -> Floats:
-    """A matrix (..., n, n) whose product with its transpose is a covariance."""
+    """Matrix (..., n, n) whose product with its transpose is the covariance (..., n, n)."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 1e-300))
     values, vectors = np.linalg.eigh(covariance / scale[..., :, None] / scale[..., None, :])
     root: Floats = scale[..., :, None] * vectors * np.sqrt(np.maximum(values, 0))[..., None, :]
@@ -415,7 +418,10 @@ def solution(
     chance: Chance,
     parts: UncertaintyParts | None = None,
 ) -> Solution:
-    """Make the solution from results, in the leading `shape` of the readings."""
+    """Make a solution from results, with the leading `shape` of the readings.
+
+    chance: limits of the residuals.  parts: covariances, if the sensor has a calibration.
+    """
     checks, entries = chance.checks(results.used), results.covariances
     fields = {
         "state": results.states[:, :8].reshape(*shape, 8),
@@ -459,8 +465,8 @@ def results_of(numbers: Floats) -> problem.Results:
     )
 
 
-#: Held by the thread that computes a field of a `LazySolution`.
-MAKING = RLock()
+#: Lock for the computation of a field of a `LazySolution`.
+COMPUTING = RLock()
 
 
 class LazySolution(Solution):
@@ -497,13 +503,13 @@ class LazySolution(Solution):
 
     def __getattr__(self, name: str) -> Any:
         computed = vars(self)
-        with MAKING:
-            if name in computed:  # another thread was faster
+        with COMPUTING:
+            if name in computed:  # Another thread has computed it.
                 return computed[name]
             if name == "covariance":
                 entries = self.entries
                 value = problem.unpack_covariances(entries) if entries.shape[-1] else None
-                del computed["entries"]  # they would take memory twice
+                del computed["entries"]  # to store the covariances only once
             elif name in FIELDS and "numbers" in computed:
                 value = FIELDS[name](self.numbers)
             else:
@@ -513,13 +519,13 @@ class LazySolution(Solution):
 
     @property
     def variance(self) -> Floats | None:
-        with MAKING:
+        with COMPUTING:
             if "covariance" in vars(self):
                 return super().variance
             return self.entries[..., :8] if self.entries.shape[-1] else None
 
 
-#: The status of a row that is not numeric.
+#: Status of a malformed row.
 UNPARSABLE = "unparsable"
 
 
@@ -539,15 +545,15 @@ class Samples:
     temperature
         (n,) degrees Celsius, NaN for a missing value; None without a thermometer.
     place
-        (n, 2) measured position of the beam, mm, without `solve.beam_offset_um` and without its
-        shift by the temperature; a sample with NaN gets no pose. None: at the origin.
+        (n, 2) measured position of the beam, mm, without `solve.beam_offset_um` and without the
+        shift by the temperature; a sample with NaN has no pose. None: the origin.
     place_sigma
         Standard uncertainty of `place`, mm; infinite: the beam is free. None: as the
         configuration's `solve` states.
     saturated
-        (n,) whether a converter was at its end; None if unknown.
+        (n,) whether a converter was at the end of its range; None if unknown.
     ends
-        The ends of the pieces in which samples of a run came, if there are several.
+        Row after the last one of each piece in which samples of a run came; None for one piece.
     """
 
     readings: Floats
@@ -568,8 +574,8 @@ class SampleEstimate(NamedTuple):
     """The estimate of samples.
 
     knowledge: prior knowledge of beam and power.  exact: (n, 9) the corrected readings that were
-    solved: those of perfect detectors at the reference temperature. They are NaN where the beam's
-    position is missing.
+    solved, of perfect detectors at the reference temperature; NaN where the beam's position is
+    missing.
     """
 
     solution: Solution
@@ -598,7 +604,7 @@ class Poses:
     object: dict[str, Floats] = field(default_factory=dict)
 
     def columns(self) -> dict[str, Any]:
-        """The poses as columns of numbers, without the other measured data of the samples."""
+        """Columns of numbers of the poses, without the samples' measured data."""
         return self.solution.columns() | self.object
 
 
@@ -612,8 +618,8 @@ def detectors_of(used: ArrayLike) -> Booleans:
 
 
 def common_detectors(used: Booleans) -> Booleans:
-    """Which detectors (3,) took part in all of some samples (n, 3); if fewer than two did, the two
-    that took part in most samples."""
+    """Whether each detector (3,) took part in all samples (n, 3); if fewer than two did, whether it
+    is one of the two that took part in most samples."""
     common = np.asarray(used.all(axis=0))
     if common.sum() < 2:
         common = np.arange(3) != int(np.argmin(used.sum(axis=0)))

@@ -1,8 +1,8 @@
 """Solve readings for the mirror's pose: weighted least squares with all prior knowledge.
 
 `Solver` solves one reading at a time; it checks its arguments once and reuses its memory.
-`solve_each` solves readings that have a sensor each, such as draws of a calibration's parameters:
-in blocks, or one by one where apertures cut the light.
+`solve_each` solves readings each of which has its own sensor, such as draws of a calibration's
+parameters: in blocks, or one by one if apertures cut the light.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ from .uncertainty import uncertainty_parts
 
 @check_arguments
 class Solver:
-    """Solves single readings of one sensor, as a live loop does.
+    """Solver of single readings of one sensor, for live loops.
 
-    The results equal those of `facets.solve` and take less time, because the arguments are checked
-    when the solver is made, and memory is reused. Threads may share a solver: each call has its own
-    memory. A forked process and a copy have their own solver.
+    The results equal the results of `facets.solve` and take less time, because the arguments are
+    checked when the solver is made, and memory is reused. Threads may share a solver: each call has
+    its own memory. A forked process and a copy have their own solver.
 
     beam, power, method, max_steps, covariance, accept_unchecked: as for `facets.solve`; a `Prior`
     has one mean.
-    start: "zero", or "previous", which starts where the last converged reading of the same thread
-    ended, and at zero if that does not lead to a pose.
+    start: "zero", or "previous": the solution of the last converged reading of the same thread, and
+    zero if this does not lead to a pose.
 
     >>> import facets
     >>> sensor = facets.Sensor()
@@ -105,8 +105,8 @@ class Solver:
     def solve(self, reading: ArrayLike) -> Solution:
         """Solve one reading (9,) for its pose: psi, zeta (mm), power (mW) of detectors A, B, C.
 
-        Returns a `Solution` without leading shape. A reading that cannot be solved gets a status
-        and NaN. Raises `InputError` for another shape.
+        Returns a `Solution` without leading shape; NaN and a status for a reading that cannot be
+        solved. Raises `InputError` for another shape.
         """
         values = as_floats(reading, "reading", 9)
         if values.shape != (9,):
@@ -116,7 +116,8 @@ class Solver:
     def solve_from(self, values: Floats, start: Floats | None) -> Solution:
         """Solve a checked reading (9,).
 
-        start: (9,) or (1, 9); ignored by a solver that starts from the previous end.
+        start: (9,) or (1, 9) state and power; None for zero. A solver that starts from the previous
+        solution ignores it.
         """
         prepared = self._pool.take()
         previous = self._previous
@@ -132,8 +133,8 @@ class Solver:
     def solve_some(self, values: Floats, warmer: Floats | None = None) -> Solution | None:
         """Solve a few checked readings (n, 9) from zero.
 
-        Returns None if one run of the blocks does not suffice: the power is unknown, poses may have
-        to be withdrawn, or an estimate under real light wanders or stalls.
+        Returns None if one run of the blocks does not suffice, because the power is unknown, poses
+        may have to be withdrawn, or an estimate under real light takes many steps or stalls.
 
         warmer: (n,) temperature above the calibration's reference, K.
         """
@@ -143,7 +144,8 @@ class Solver:
         return solved
 
     def start_state(self, start: str | ArrayLike, values: Floats) -> Floats | None:
-        """The start of one reading (9,), from the argument of `facets.solve`; None for zero."""
+        """Initial state and power of one reading (9,), from the argument `start` of `facets.solve`;
+        None for zero."""
         if isinstance(start, str) and start in ("zero", "previous"):
             return None
         return start_states(self._arguments[0], start, self._plan, values[None], ())
@@ -158,7 +160,8 @@ class _Previous(threading.local):
 class PreparedEstimate:
     """Memory for estimating one reading, or a few, in one call at a time.
 
-    end: (9,) final state and power, if it was requested and the estimate has converged; else None.
+    end: (9,) final state and power, mm, rad and mW, if requested and the estimate has converged;
+    else None.
     """
 
     end: Floats | None = None
@@ -191,9 +194,9 @@ class PreparedEstimate:
         """Solve a few readings (n, 9) from zero; see `Solver.solve_some`."""
         if self._doubtful or self._unknown_power:
             return None
-        some = self._put_rows(values)
-        some.estimate(self._wide_code)
-        numbers = some.numbers[: len(values)].copy()
+        few_blocks = self._put_rows(values)
+        few_blocks.estimate(self._wide_code)
+        numbers = few_blocks.numbers[: len(values)].copy()
         wandered = self._seeks and (numbers[:, ITERATIONS] > UNLIKELY_STEPS).any()
         if wandered or (self._has_exact and (numbers[:, STATUS] == problem.STALLED).any()):
             return None
@@ -223,7 +226,8 @@ class PreparedEstimate:
         return some
 
     def _put_limits(self, numbers: Floats) -> Floats:
-        """Write the checks and limits that follow from the detectors used into numbers."""
+        """Write the degrees of freedom and the limits, by the detectors used, into rows of
+        numbers."""
         used = numbers[..., USED:RESIDUAL] > 0
         if not used.all():
             checks = self._chance.checks(used)
@@ -237,9 +241,9 @@ class PreparedEstimate:
         return LazySolution.from_fields({"numbers": numbers}, parts)
 
     def solve(self, values: Floats, start: Floats | None, warm: bool) -> Solution:
-        """Solve a reading (9,) from `start`, or from zero if there is none.
+        """Solve a reading (9,) from `start`, or from zero if this is None.
 
-        warm: whether to try zero if the start leads to no pose, and to store the `end`.
+        warm: whether to repeat from zero if the start leads to no pose, and to store the `end`.
         """
         self._readings.values[0] = values
         if self._sensor.electronics is not None:
@@ -257,7 +261,7 @@ class PreparedEstimate:
         return self._solution(numbers)
 
     def _own_numbers(self) -> Floats:
-        """A copy of the block's numbers, with the limit for the detectors used."""
+        """Copy the block's numbers, with the limit for the detectors used."""
         numbers: Floats = self._numbers.copy()
         used = self._ends[USED] and self._ends[USED + 1] and self._ends[USED + 2]
         return numbers if used else self._put_limits(numbers)
@@ -338,8 +342,8 @@ def solve(
         Knowledge of the laser's power: "known" as the sensor's, "unknown", or a `Prior` in mW.
     start
         Start of the search: "zero" (with the apex at the beam's expected position), "previous"
-        (the pose of the last converged sample before), or states (..., 8). A state at which
-        diffraction leaves no reading counts as zero.
+        (the pose of the last converged sample before), or states (..., 8). A state at which the
+        model has no reading, because of diffraction, is replaced by zero.
     method
         "least-squares", or "paper": Newton's method on eight readings, without the power of C
         (section 2.3 of the paper), with neither weights nor damping, a free beam and a known power.
@@ -372,11 +376,10 @@ def solve(
     by Gauss-Newton steps with Levenberg-Marquardt damping.
 
     Two detectors with the beam and the power known, or with priors, have as many numbers as
-    unknowns. So have three detectors with the beam free and the power unknown. Then a corrupted
-    number also gives a pose, no residual shows the error, and a second, distant pose may have the
-    same readings. The same holds for priors of beam and power so wide that the redundancy of the
-    readings is below 0.001. Such a reading has the status UNCHECKED and no pose, unless
-    `accept_unchecked` is true.
+    unknowns, and so do three detectors with the beam free and the power unknown. A corrupted number
+    then causes an undetected error, and a second, distant pose may have the same readings. The same
+    holds for priors of beam and power so wide that the redundancy of the readings is below 0.001.
+    Such a reading has the status UNCHECKED and no pose, unless `accept_unchecked` is true.
 
     Examples
     --------
@@ -393,7 +396,7 @@ def solve(
     question = Question(beam, power, method, max_steps, covariance, accept_unchecked)
     solved = solve_question(sensor, values, question, start, threads)
     if (index := index_of(readings)) is not None:
-        object.__setattr__(solved, "index", index)  # nobody else has this solution yet
+        object.__setattr__(solved, "index", index)  # The solution is new, hence not shared.
     return solved
 
 
@@ -426,7 +429,7 @@ def solve_question(
 
 
 def is_short(question: Question) -> bool:
-    """Whether a question contains no array, so that its solver is cached."""
+    """Whether the settings of a solve contain no array, so that its solver can be cached."""
     beam, power = question.beam, question.power
     return (isinstance(beam, str) or is_plain(beam, 2)) and (
         isinstance(power, str) or is_plain(power, 1)
@@ -438,15 +441,16 @@ FEW = 64
 
 
 def are_few(readings: Floats, start: str | ArrayLike) -> bool:
-    """Whether a cached solver can solve readings in its memory: one, or a few from zero."""
+    """Whether readings fit a cached solver's memory: a single one, or a few that start from
+    zero."""
     from_zero = isinstance(start, str) and start == "zero"
     return readings.ndim == 1 or (readings.ndim == 2 and 0 < len(readings) <= FEW and from_zero)
 
 
 def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floats, float]:
-    """Solve one reading (9,) from a start (8,) with a free beam, without a search for others.
+    """Solve one reading (9,) from a state (8,) with a free beam, without a search for others.
 
-    Returns the state (8,) and its residual; NaN without a pose.
+    Returns the state (8,), mm and rad, and the residual in standard deviations; NaN without a pose.
     """
     question, values = Question(), reading[None].copy()
     plan = find_plan(sensor, question.knowledge, question.method, ())
@@ -466,7 +470,10 @@ def solve_rows(
     covariance: bool,
     threads: int = 1,
 ) -> problem.Results:
-    """Solve checked readings, as `solve` does; covariances lack the calibration's part."""
+    """Solve checked readings as `solve` does, but with covariances without the calibration's part.
+
+    request: input of the compiled code, made from the plan.
+    """
     n, kind = len(readings.values), kind_of(sensor)
     all_results = problem.empty_results(n, covariance)
     find_code(kind, request)  # compiled once, before the threads use it
@@ -488,7 +495,8 @@ def review_poses(
     request: problem.FitProblem,
     results: problem.Results,
 ) -> None:
-    """Solve unlikely poses again, and withdraw those that cannot be trusted; see `doubts`."""
+    """Solve unlikely poses again, and withdraw poses that cannot be trusted, in `results`; see
+    `doubts`."""
 
     def repeat(rows: NDArray[np.intp], starts: Floats) -> problem.Results:
         some, questions = problem.some_rows(rows, readings, request)
@@ -510,8 +518,8 @@ def solve_each(
 ) -> problem.Results:
     """Solve readings (n, 9) as `facets.solve` does, each with its own sensor; no covariances.
 
-    question: the means of priors may be arrays (n, 2), (n,), one for each reading. A reading whose
-    sensor is impossible has the status NON_FINITE.
+    question: settings; the means of priors may be arrays (n, 2) and (n,), one for each reading. A
+    reading whose sensor is not possible has the status NON_FINITE.
     """
     sensor, shape = sensors.sensor, (len(values),)
     plan = make_plan(sensor, question.knowledge, shape=shape)

@@ -90,7 +90,7 @@ def solve_table(
 
 
 def samples_in(config: Config, chunk: tables.Chunk, before: int) -> Samples:
-    """The samples of a piece of a table.  before: number of rows before the piece."""
+    """Samples in a piece of a table.  before: number of rows in earlier pieces."""
     return Samples(
         readings_in(chunk),
         before + 1 + np.arange(len(chunk.lines)),
@@ -101,7 +101,7 @@ def samples_in(config: Config, chunk: tables.Chunk, before: int) -> Samples:
 
 
 def time_in(chunk: tables.Chunk) -> Floats | None:
-    """The times (n,) in a piece of a table, s; None without a column of times."""
+    """Times (n,) in a piece of a table, s; None without a column of times."""
     for name, unit in TIMES.items():
         if name in chunk.columns:
             return unit * chunk.columns[name]
@@ -123,15 +123,15 @@ def require_time(chunk: tables.Chunk) -> Floats:
 
 
 def readings_in(chunk: tables.Chunk) -> Floats:
-    """The readings (n, 9) in a piece of a table."""
+    """Readings (n, 9), mm and mW, in a piece of a table."""
     return np.column_stack([chunk.columns[name] for name in READING_COLUMNS])
 
 
 def place_in(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Floats | None:
-    """The beam's position (n, 2) in a table, mm; None without its columns.
+    """The beam's position (n, 2) in a piece of a table, mm; None without its columns.
 
-    A measurement adds its offset and its shift by the temperature. The position in a table of
-    poses, which also has uncertainties, contains both: they are subtracted.
+    The offset and the shift by the temperature are subtracted from the position in a table of
+    poses, recognised by its uncertainties, because a `Measurement` adds them.
     """
     if not all(name in chunk.columns for name in BEAM_COLUMNS):
         return None
@@ -143,9 +143,10 @@ def place_in(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Floats | No
 
 
 def align_chunks(sensor: Sensor, chunks: Iterable[tables.Chunk]) -> Iterator[tables.Chunk]:
-    """Yield the pieces of a table with the readings of each row at one instant; see `align`.
+    """Yield the pieces of a table with the readings of each row converted to one instant, see
+    `align`; neighbours of a row may be in other pieces.
 
-    The neighbours of a row may be in the piece before or after.
+    Raises `InputError` for a sensor with delays if the table has no times.
     """
     if not any(sensor.light.delays):
         yield from chunks

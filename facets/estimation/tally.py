@@ -1,8 +1,8 @@
-"""Count samples by their results, and report to the user what limits their poses.
+"""Count samples by their results, and report limitations of their poses to the user.
 
 `Solution.misfit` flags a pose. If most poses are flagged, some of them are solved again to find the
 likeliest cause: with another power of the laser, and with the beam at another position that is
-common to all. A free beam for each reading would show nothing: it leaves one redundant number,
+common to all. A free beam for each reading would not help, because it leaves one redundant number,
 which checks the power but not the geometry.
 """
 
@@ -34,17 +34,17 @@ if TYPE_CHECKING:
     from .solution import SampleEstimate, Samples
 
 
-#: The model is doubted if this many times more readings are flagged than by chance; it is not the
-#: model of this sensor if the median residual is this many times the noise.
+#: The model is doubted if this many times more readings are flagged than by chance; it is wrong for
+#: this sensor if the median residual is this many times the noise.
 DOUBT, WRONG = 10.0, 5.0
-#: The median residual is that of this many of the newest readings.
+#: The median residual is computed from this many of the newest readings.
 NEWEST = 10_000
-#: Largest number of flagged readings that are solved again. A cause explains them if their median
-#: residual then is at most this many times the noise, and at most this fraction of that without it.
+#: Largest number of flagged readings that are solved again. A cause explains them if it reduces
+#: their median residual to this many times the noise, and to this fraction of its earlier value.
 MAX_EXAMPLES, MAX_EXPLAINED_SIZE, EXPLAINED_FRACTION = 60, 2.0, 0.5
 #: Priors of beam and power have no effect if the expected residual over the noise is above this.
 NO_PRIOR = 0.99
-#: Residuals are larger than the priors allow if they exceed the noise by this factor.
+#: Residuals above this many times the noise are larger than the priors allow.
 OFF_PRIOR = 1.2
 #: A mirror whose poses scatter by less than this many standard uncertainties did not move.
 STILL_SIGMAS = 10.0
@@ -52,15 +52,15 @@ STILL_SIGMAS = 10.0
 
 @dataclass
 class Misfit:
-    """Counts poses with a residual beyond chance, and finds the cause where there are many.
+    """Counts of poses with a residual beyond chance, and the search for the cause of many.
 
     Attributes
     ----------
     judged, flagged
-        Number of poses that can be checked, and of those with a residual beyond chance.
+        Number of poses that can be checked, and number of these with a residual beyond chance.
     sizes, size_count
-        The newest `residual_sizes`, in the pieces in which they came, and their number: NEWEST or
-        more, if that many have come.
+        The newest `residual_sizes`, in the pieces in which they came, and their number: at least
+        NEWEST, unless there are fewer in all.
     carried
         Whether a stage carries the beam, so that its encoder gives the beam's position.
     examples, stride
@@ -137,7 +137,7 @@ class Misfit:
             return ""
         sizes = np.concatenate(self.sizes)
         size = float(np.median(sizes))
-        # the median of the poses without a flag, because flagged ones have the largest residuals
+        # The median of the poses without a flag, since flagged poses have the largest residuals.
         unflagged = np.quantile(sizes, (1 - self.flagged / self.judged) / 2)
         is_general = self.is_mostly_flagged or unflagged > OFF_PRIOR
         counts = (
@@ -189,7 +189,7 @@ class Misfit:
         )
 
     def cause(self, size: float) -> str:
-        """The sentence on the cause that explains the examples; empty if none does.
+        """A sentence on the cause that explains the examples; empty if none does.
 
         size: median residual of the poses over the noise.
         """
@@ -248,7 +248,7 @@ def point(place: Floats) -> str:
 def power_that_explains(
     sensor: Sensor, readings: Floats, beam: Prior, largest: float
 ) -> float | None:
-    """The power of the laser, mW, that fits readings (n, 9); None if no power fits.
+    """Find the power of the laser, mW, that fits readings (n, 9); None if no power fits.
 
     beam: prior of the beam's position.  largest: largest `median_size` of a fit.
     """
@@ -261,8 +261,9 @@ def power_that_explains(
 def place_that_explains(
     sensor: Sensor, readings: Floats, places: Floats, is_power_unknown: bool, largest: float
 ) -> tuple[Floats, bool] | None:
-    """The common shift (2,) of the beam from `places` (n, 2), mm, that fits readings (n, 9), and
-    whether the mirror moved meanwhile; None if no shift fits.
+    """Find the common shift (2,) of the beam from `places` (n, 2), mm, that fits readings (n, 9).
+
+    Returns it with whether the mirror moved between the readings; None if no shift fits.
 
     largest: largest `median_size` of a fit.
     """
@@ -281,7 +282,7 @@ def place_that_explains(
 
 
 def residual_sizes(solution: Solution) -> Floats:
-    """The residuals (k,) of the poses that can be checked, over their RMS due to noise."""
+    """Residuals (k,) of the poses that can be checked, relative to their RMS due to noise."""
     checked = are_checked(solution)
     sizes: Floats = solution.residual[checked] / np.sqrt(solution.checks[checked])
     return sizes
@@ -293,8 +294,8 @@ def are_checked(solution: Solution) -> Booleans:
 
 
 def median_size(solution: Solution) -> float:
-    """The median of `residual_sizes`; infinite if less than half of the readings have a pose that
-    can be checked."""
+    """Median of `residual_sizes`; infinite if fewer than half of the readings have a pose that can
+    be checked."""
     sizes = residual_sizes(solution)
     return float(np.median(sizes)) if 2 * len(sizes) >= len(solution.status) else np.inf
 
@@ -314,9 +315,9 @@ class Tally:
     Attributes
     ----------
     what
-        The word for samples in sentences.
+        Name of the samples in sentences.
     cold
-        The clause on a missing temperature, for a sensor with `Sensor.thermal`.
+        Clause on a missing temperature, for a sensor with `Sensor.thermal`.
     statuses
         Number of samples by the words of their status.
     misfit
@@ -329,8 +330,8 @@ class Tally:
         (2,) largest errors of a pose, in standard uncertainties, that one corrupted position and
         one corrupted power can cause without being detected; NaN before the first pose.
     expected, sampled
-        Sum of the expected squared residuals over their degrees of freedom, if beam and power are
-        within their priors, and the number of poses in this sum.
+        Sum over some poses of the expected squared residual, relative to its degrees of freedom, if
+        beam and power are within their priors; and the number of these poses.
     is_bare
         Whether the last of these poses had hardly any redundancy.
     unknown_temperatures, is_cold
@@ -355,7 +356,8 @@ class Tally:
     def may_join(self, solution: Solution) -> bool:
         """Whether pieces of samples may be counted together, with the same result.
 
-        They may not if a status is new, or if examples or undetected errors are chosen by pieces.
+        They must not if a status is new, or if the choice of examples or of poses for undetected
+        errors depends on the pieces.
         """
         statuses = {LABELS[status] for status in np.unique(solution.status).tolist()}
         is_usual = statuses <= self.statuses.keys() and self.checked >= FIRST_POSES
@@ -404,21 +406,21 @@ class Tally:
         rows = np.flatnonzero(are_checked(solution))
         order = self.checked + np.arange(len(rows))
         self.checked += len(rows)
-        some = rows[(order < FIRST_POSES) | (order % LATER_POSES == 0)]
-        if not len(some):
+        chosen = rows[(order < FIRST_POSES) | (order % LATER_POSES == 0)]
+        if not len(chosen):
             return 0
-        question = config.solve.question(knowledge).rows(some)
-        plan = make_plan(config.sensor, question.knowledge, shape=some.shape)
-        redundancy = redundancies(config.sensor, solution.state[some], plan)
+        question = config.solve.question(knowledge).rows(chosen)
+        plan = make_plan(config.sensor, question.knowledge, shape=chosen.shape)
+        redundancy = redundancies(config.sensor, solution.state[chosen], plan)
         limit = chance_of(config.sensor, plan).limit
         errors = unseen_by_residual(redundancy, limit).reshape(-1, 3, 3)
         largest = np.array([errors[..., :2].max(), errors[..., 2].max()])
         self.unseen = np.fmax(self.unseen, largest)
         total = redundancy.sum(axis=1)
-        self.expected += float(np.nansum(total / solution.checks[some]))
+        self.expected += float(np.nansum(total / solution.checks[chosen]))
         self.sampled += int(np.isfinite(total).sum())
         self.is_bare = bool(total[-1] < plan.least_redundancy)
-        return int(some[-1])
+        return int(chosen[-1])
 
     @property
     def solved_count(self) -> int:
@@ -435,7 +437,7 @@ class Tally:
         return self.statuses[Status.SKIPPED.label]
 
     def sentences(self, config: Config) -> list[str]:
-        """Sentences on the poses for the user; those that do not apply are missing."""
+        """Sentences for the user on limitations of the poses, as far as they apply."""
         sentences = (
             self.misfit.describe(np.sqrt(self.expected / max(self.sampled, 1))),
             self.unchecked_sentence(),
@@ -446,7 +448,7 @@ class Tally:
         return [sentence for sentence in sentences if sentence]
 
     def unchecked_sentence(self) -> str:
-        """The sentence on samples whose poses have, or would have, no redundancy."""
+        """A sentence on samples whose poses have, or would have, no redundancy; "" for none."""
         refused = self.statuses[Status.UNCHECKED.label]
         if refused:
             return (
@@ -464,7 +466,7 @@ class Tally:
         return ""
 
     def edge_sentence(self) -> str:
-        """The sentence on poses with a spot near an edge, if the model has no edges."""
+        """A sentence on poses with a spot near an edge, if the model has no edges; "" for none."""
         if not self.edges:
             return ""
         return (
@@ -474,7 +476,7 @@ class Tally:
         )
 
     def unseen_sentence(self) -> str:
-        """The sentence on the undetected error that one corrupted number can cause, if large."""
+        """A sentence on the undetected error that one corrupted number can cause; "" if small."""
         place, power = self.unseen.tolist()
         if not max(place, power) > MUCH:
             return ""
@@ -485,7 +487,7 @@ class Tally:
         )
 
     def temperature_sentence(self, config: Config) -> str:
-        """The sentence on samples without a temperature that the sensor needs."""
+        """A sentence on samples without a temperature that the sensor needs; "" for none."""
         if not self.is_cold:
             if not self.unknown_temperatures:
                 return ""
@@ -510,8 +512,8 @@ def amount(errors: float) -> str:
 
 
 def shift_per_kelvin(sensor: Sensor, options: Solve) -> Floats:
-    """The error (6,) of a pose at rest, mm and rad, of a sensor that is 1 K warmer than its
-    reference, if the readings are solved without their temperature."""
+    """Error (6,) of the zero pose, mm and rad, if a sensor is 1 K warmer than its reference and the
+    readings are solved without their temperature."""
     state = np.zeros((1, 8))
     state[:, 6:] = beam_shift(sensor, np.ones(1))
     raw = readings(sensor, state)

@@ -1,10 +1,10 @@
 """The uncertainty of a pose: noise, priors, calibration; unseen errors; expanded uncertainties.
 
-The noise of the readings differs from sample to sample, so that a mean over n samples has 1/n of
-its variance. The errors of the calibrated parameters are the same in every sample: a mean has the
-same part of them, and a difference of two poses has the part of the difference between their
-derivatives. The errors of a prior of beam or power also remain in a mean, except for the laser's
-pointing jitter and power noise, which differ from sample to sample.
+The noise of the readings differs between samples, so that a mean over n samples has 1/n of its
+variance. The errors of the calibrated parameters are the same in every sample: a mean contains them
+unchanged, and a difference of two poses contains them times the difference of the derivatives. The
+errors of a prior of beam or power also remain in a mean, except for the laser's pointing jitter and
+power noise, which differ between samples.
 
 The largest error that one corrupted number can cause without raising the residual above its limit
 is called external reliability in geodesy (W. Baarda, 1968). Of the squared error of a number, in
@@ -12,10 +12,11 @@ standard deviations, the pose takes the fraction h and the residual 1 - h. An er
 residual is the limit L of `Chance` therefore moves the pose by L sqrt(h / (1 - h)), and no
 component of the pose by more than this many of its standard uncertainties.
 
-JCGM 100 (GUM), annex G: the expanded uncertainty is U = k u, with k the quantile of Student's t
+The expanded uncertainty (JCGM 100, GUM, annex G) is U = k u, with k the quantile of Student's t
 distribution for the effective degrees of freedom. The noise of a reading is known and has
-infinitely many; the calibration has those of its residuals. For a region in m dimensions k follows
-from the chi-square distribution (JCGM 102, 6.5), or from Hotelling's with few degrees of freedom.
+infinitely many degrees of freedom; the calibration has the degrees of freedom of its residuals. For
+a region in m dimensions k follows from the chi-square distribution (JCGM 102, 6.5), or from
+Hotelling's distribution with few degrees of freedom.
 """
 
 from __future__ import annotations
@@ -64,13 +65,13 @@ def slices_of(count: int) -> list[slice]:
 
 
 class Propagation(NamedTuple):
-    """How errors propagate to solved states (n, 8); NaN for a state that is not finite.
+    """Propagation of errors to solved states (n, 8), mm and rad; NaN for a non-finite state.
 
     noise: (n, 8, 8) covariance due to the readings' noise.  statistical: (n, 8, 8) covariance due
     to the noise and the priors of beam and power.  slopes: (n, 8, p) derivatives of the state by
-    the calibrated parameters, or None without a calibration.  readings: (n, 9) of the model.
-    priors: (n, 8, 3) change of the state by one standard deviation of the lasting errors of the
-    priors of bx, by and the power: statistical is noise + priors priors'.
+    the calibrated parameters, or None without a calibration.  readings: (n, 9) of the model, mm and
+    mW.  priors: (n, 8, 3) change of the state by one standard deviation of the prior errors of bx,
+    by and the power that are the same in all samples: statistical is noise + priors priors'.
     """
 
     noise: Floats
@@ -121,15 +122,19 @@ def transpose(matrices: Floats) -> Floats:
 
 
 def carry(slopes: Floats, covariance: Floats) -> Floats:
-    """The covariance (..., m, m) of quantities, from their derivatives (..., m, k) by others and
-    the covariance (..., k, k) of these."""
+    """Propagate the covariance (..., k, k) of some quantities to others: (..., m, m).
+
+    slopes: (..., m, k) derivatives of the others by the quantities.
+    """
     carried: Floats = slopes @ covariance @ transpose(slopes)
     return carried
 
 
 def carry_over(calibration: Calibration, slopes: Floats | None) -> Floats:
-    """The covariance (n, 8, 8) of states due to a calibration, from their derivatives (n, 8, p) by
-    its parameters."""
+    """Covariance (n, 8, 8) of states due to a calibration.
+
+    slopes: (n, 8, p) derivatives of the states by its parameters.
+    """
     assert slopes is not None
     return carry(slopes, np.array(calibration.covariance))
 
@@ -148,20 +153,20 @@ def propagate(
     warmer: (n,) temperature above the calibration's reference, K; None if unknown.
     """
     exact, free, weights = readings(sensor, states), plan.free, plan.weights
-    weigh = np.repeat(used, 3, axis=1) / standard_deviations(sensor, exact)
+    row_weights = np.repeat(used, 3, axis=1) / standard_deviations(sensor, exact)
     by_state = np.zeros((len(states), 9, 9))
     by_state[:, :, :8] = jacobian(sensor, states)
     by_state[:, 2::3, 8] = exact[:, 2::3] / sensor.beam.power
-    rows = np.nan_to_num(by_state[:, :, free] * weigh[:, :, None])
-    of_priors = np.zeros(9)
-    of_priors[6:] = weights**2
+    rows = np.nan_to_num(by_state[:, :, free] * row_weights[:, :, None])
+    prior_information = np.zeros(9)
+    prior_information[6:] = weights**2
     units = np.array([*FINE_UNITS, 1e-3])[free]
     rows *= units
-    across = np.swapaxes(rows, 1, 2)
-    information = across @ rows
-    inner = information + np.diag(of_priors[free] * units**2)
-    good = np.isfinite(states).all(axis=1)
-    inner[~good] = np.eye(len(free))
+    transposed = np.swapaxes(rows, 1, 2)
+    information = transposed @ rows
+    inner = information + np.diag(prior_information[free] * units**2)
+    is_finite = np.isfinite(states).all(axis=1)
+    inner[~is_finite] = np.eye(len(free))
     inverse = np.linalg.inv(inner)
     scale = np.outer(units, units)
 
@@ -169,25 +174,25 @@ def propagate(
         """Expand rows (and columns) from the unknowns to the state; known components are 0."""
         expanded = np.zeros((len(states), *shape))
         expanded[(slice(None), *places)] = part
-        expanded[~good] = np.nan
+        expanded[~is_finite] = np.nan
         return expanded[:, :8]
 
-    square, both = (9, 9), np.ix_(free, free)
+    square, free_pairs = (9, 9), np.ix_(free, free)
     jitter = np.zeros(9)
-    jitter[6:] = jitter_fraction(sensor, of_priors[6:])
-    random = information + np.diag((of_priors * jitter)[free] * units**2)
-    lasting = inverse * (np.sqrt(of_priors * (1 - jitter))[free] * units) * units[:, None]
-    noise = state_part(inverse @ random @ inverse * scale, both, square)
-    statistical = state_part(inverse * scale, both, square)
-    priors = state_part(lasting, both, square)[:, :, 6:]
+    jitter[6:] = jitter_fraction(sensor, prior_information[6:])
+    random = information + np.diag((prior_information * jitter)[free] * units**2)
+    lasting = inverse * (np.sqrt(prior_information * (1 - jitter))[free] * units) * units[:, None]
+    noise = state_part(inverse @ random @ inverse * scale, free_pairs, square)
+    statistical = state_part(inverse * scale, free_pairs, square)
+    priors = state_part(lasting, free_pairs, square)[:, :, 6:]
     slopes = None
     if calibration is not None:
         shifts = parameter_derivatives(sensor, calibration, states, exact, warmer)
-        shifts = shifts * weigh[:, :, None]
-        if not np.isfinite(shifts).all():  # replacing takes longer than all else
+        shifts = shifts * row_weights[:, :, None]
+        if not np.isfinite(shifts).all():  # nan_to_num takes longer than all other steps.
             shifts = np.nan_to_num(shifts)
-        moved = inverse @ (across @ shifts) * units[:, None]
-        slopes = state_part(moved, (free,), (9, shifts.shape[2]))
+        shifted = inverse @ (transposed @ shifts) * units[:, None]
+        slopes = state_part(shifted, (free,), (9, shifts.shape[2]))
     return Propagation(noise[:, :, :8], statistical[:, :, :8], slopes, exact, priors)
 
 
@@ -198,15 +203,16 @@ def parameter_derivatives(
     exact: Floats,
     warmer: Floats | None = None,
 ) -> Floats:
-    """The derivatives (n, 9, p) of model less reading by the calibrated parameters.
+    """Derivatives (n, 9, p) of the model minus the reading by the calibrated parameters.
 
-    states, exact: (n, 8), and their readings (n, 9).  warmer: (n,) temperature above the
+    states: (n, 8).  exact: (n, 9) the model's readings there.  warmer: (n,) temperature above the
     calibration's reference, K.
     """
     by_parameter: Floats = np.empty(0)
     if any(name in PARAMETERS or name in SHAPE for name in calibration.names):
         by_parameter = parameter_jacobian(sensor, states)
-    identity = np.broadcast_to(np.eye(9), (len(states), 9, 9))  # each adds to its own reading
+    # Each misfit adds to its own reading.
+    identity = np.broadcast_to(np.eye(9), (len(states), 9, 9))
     makers: dict[tuple[str, ...], Callable[[], Floats]] = {
         PARAMETERS: lambda: by_parameter,
         NAMES: lambda: -correction_slopes(sensor, exact),
@@ -230,7 +236,7 @@ def parameter_derivatives(
 
 
 def temperature_derivatives(sensor: Sensor, states: Floats, warmer: Floats | None) -> Floats:
-    """The derivatives (n, 9, 8) of readings by `TEMPERATURE`.
+    """Derivatives (n, 9, 8) of readings by the coefficients `TEMPERATURE`, K; 0 without `warmer`.
 
     warmer: (n,) temperature above the reference, K.
     """
@@ -242,8 +248,8 @@ def temperature_derivatives(sensor: Sensor, states: Floats, warmer: Floats | Non
     return slopes
 
 
-#: Redundancies of single numbers below this are rounding errors of zero.
-NOTHING = 1e-12
+#: A number with less redundancy than this has none, apart from rounding errors.
+ROUNDED_REDUNDANCY = 1e-12
 
 
 @check_arguments
@@ -269,9 +275,9 @@ def unseen_errors(
     -------
     ndarray
         (..., 9) for each number of the reading, in standard uncertainties of the pose. If only that
-        number is wrong and the solution is still `ok`, no component of the pose is off by more, to
-        first order and without the noise of the other numbers. Infinite for a number that nothing
-        checks; NaN where a detector has no light.
+        number is wrong and the solution is still `ok`, no component of the pose has a larger error,
+        to first order and without the noise of the other numbers. Infinite for a number without
+        redundancy; NaN where a detector has no light.
 
     Examples
     --------
@@ -288,10 +294,10 @@ def unseen_errors(
 
 
 def unseen_by_residual(redundancy: Floats, limit: float) -> Floats:
-    """Compute `unseen_errors` from `redundancies` and the limit of the residual."""
+    """Compute `unseen_errors` (n, 9) from `redundancies` (n, 9) and the limit of the residual."""
     with np.errstate(divide="ignore", invalid="ignore"):
         errors = limit * np.sqrt((1 - redundancy) / redundancy)
-    return np.where(redundancy <= NOTHING, np.inf, errors)
+    return np.where(redundancy <= ROUNDED_REDUNDANCY, np.inf, errors)
 
 
 def redundancies(sensor: Sensor, states: Floats, plan: Plan) -> Floats:
@@ -331,7 +337,10 @@ def require_probability(probability: float) -> float:
 
 
 def describe_coverage(sensor: Sensor, probability: float) -> dict[str, str]:
-    """The lines of a table's header on its expanded uncertainties."""
+    """Entries of a table's head on its expanded uncertainties.
+
+    Raises `InputError` for a probability that is not between 0 and 1.
+    """
     calibration = sensor.calibration
     if calibration is None:
         source = "infinite, as the configuration has no covariance of a calibration"
@@ -350,8 +359,8 @@ def effective_degrees_of_freedom(
 ) -> Floats:
     """Effective degrees of freedom of variances (...) by the formula of Welch and Satterthwaite.
 
-    part: (...) the part of each variance that has `degrees_of_freedom` (...), NaN if unknown; the
-    rest has infinitely many. Unknown ones matter only where the part is above zero.
+    part: (...) the part of each variance with `degrees_of_freedom` (...), NaN if unknown; the rest
+    has infinitely many. The result is infinite where the part is zero.
     """
     total, limited, freedom = np.broadcast_arrays(
         *(np.asarray(numbers, float) for numbers in (variance, part, degrees_of_freedom))
@@ -380,8 +389,8 @@ def region_factor(probability: float, dimensions: int, degrees_of_freedom: float
     """Coverage factor of a hyper-ellipsoid about the estimate.
 
     With the covariance C, the region contains the points whose difference d from the estimate has
-    d' C^-1 d up to the square of the factor. With fewer degrees of freedom than dimensions there is
-    no such region, and the factor is NaN. Unknown degrees of freedom (NaN) give the factor of the
+    d' C^-1 d up to the square of the factor. The factor is NaN, because there is no such region, if
+    the degrees of freedom are fewer than the dimensions; unknown ones (NaN) give the factor of the
     normal distribution.
     """
     from scipy.special import chdtri, fdtri

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from ..core.settings import Config
     from .solution import Samples
 
-#: The mirror was not at rest if a zero's samples scatter by more than this factor over their noise.
-#: Chance adds to 1, once in 10,000, the second number over the root of their number less one.
-MOVED, BY_CHANCE = 1.5, 3.0
+#: The mirror was not at rest if the scatter of a zero's samples over their noise exceeds this, and
+#: exceeds chance: n samples exceed 1 + CHANCE_TERM / sqrt(n - 1) once in 10,000 zeros.
+MOVED, CHANCE_TERM = 1.5, 3.0
 
 
 @show_shortly
@@ -48,7 +48,7 @@ class ZeroPose:
     plan
         The unknowns and priors of the estimates.
     propagation
-        How the errors of noise, priors and parameters propagate to the state.
+        Propagation of the errors of noise, priors and parameters to the state.
     scatter
         (6,) standard deviation of the samples over that of their noise; NaN for a single sample.
         Above about 1.5, and 1 + 3 / sqrt(samples - 1), the mirror was not at rest.
@@ -83,7 +83,7 @@ def zero_pose(
         The sensor; the errors of `Sensor.calibration` are common to this pose and the others.
     states
         A solution of samples at the reference, or states (..., 8) measured with all detectors; mm
-        and rad, world frame. Rows with NaN do not count.
+        and rad, world frame. Rows with NaN are ignored.
     samples
         Number of samples whose mean `states` already is; by default the number of rows.
     beam, power
@@ -94,7 +94,7 @@ def zero_pose(
     Returns
     -------
     ZeroPose
-        The mean of the states, and how errors of noise, priors and calibration propagate to it.
+        The mean of the states, with the propagation of noise, priors and calibration to it.
 
     Raises
     ------
@@ -135,8 +135,10 @@ def make_zero(
 ) -> ZeroPose:
     """Make a zero from states (n, 8) that were solved by a plan.
 
-    A detector that took part in only some of the samples is treated as unused: the stated noise is
-    then too large, never too small.  warmer: temperature above the calibration's reference, K.
+    used: (n, 3) whether each detector took part; None for all. A detector that took part in only
+    some of the samples counts as unused, so that the stated noise is too large rather than too
+    small.  samples: number of samples in the mean; None: n.  warmer: temperature above the
+    calibration's reference, K. Raises `InputError` as `zero_pose` does.
     """
     finite = np.isfinite(states).all(axis=1)
     rows = states[finite]
@@ -228,11 +230,12 @@ class PoseColumns:
 
 
 class ZeroSearch:
-    """Collects the samples of a zero from pieces of a table or a run, until the zero is known.
+    """Collection of a zero's samples from pieces of a table or a run, until the zero is known.
 
-    zero: the reference pose, None until it is known.  is_begun: whether the first sample of the
-    zero has come.  first: its number and time, s.  is_over: whether a sample after the zero has
-    come.  count: number of samples in the zero, with or without a pose.  last: the newest time, s.
+    zero: the reference pose; None until it is known.  is_begun: whether the zero's first sample was
+    received.  first: its number and time, s.  is_over: whether a sample after the zero was
+    received.  count: number of samples in the zero, with or without a pose.  last: the newest
+    time, s.
     """
 
     def __init__(self, request: ZeroRequest, config: Config, waits: bool) -> None:
@@ -250,7 +253,7 @@ class ZeroSearch:
         self.forget()
 
     def forget(self) -> None:
-        """Forget the samples so far."""
+        """Discard the samples so far."""
         self.is_begun = self.is_over = False
         self.first = 0, np.nan
         self.count, self.last = 0, np.nan
@@ -258,14 +261,14 @@ class ZeroSearch:
         self.members: list[tuple[Floats, Floats, Booleans]] = []
 
     def add(self, samples: Samples, solution: Solution) -> Booleans:
-        """Add solved samples, and make the zero when the first sample after it has come.
+        """Add solved samples, and compute the zero at the first sample after it.
 
-        Returns whether each sample belongs to the zero and has a pose that fits its readings: (n,).
-        If the samples of the zero are unusable, forgets them and raises `InputError`.
+        Returns whether each sample (n,) belongs to the zero and has a pose that fits its readings.
+        If the samples of the zero are unusable, discards them and raises `InputError`.
         """
-        nothing = np.zeros(len(samples.readings), dtype=bool)
+        no_members = np.zeros(len(samples.readings), dtype=bool)
         if self.zero is not None or not (self.is_begun or self.begin(samples, solution)):
-            return nothing
+            return no_members
         number, start = self.first
         inside = self.request.members(samples.numbers - number + 1, samples.time, start)
         inside &= not self.is_over
@@ -283,7 +286,7 @@ class ZeroSearch:
         return members
 
     def begin(self, samples: Samples, solution: Solution) -> bool:
-        """Look for the first sample of the zero; whether it is among these samples."""
+        """Search these samples for the first sample of the zero; return whether it was found."""
         starts = solution.ok if self.waits else np.ones(len(samples.readings), dtype=bool)
         time = samples.time
         if time is None:
@@ -297,7 +300,7 @@ class ZeroSearch:
         return self.is_begun
 
     def measure(self) -> None:
-        """Make the zero from the samples so far, and forget them.
+        """Compute the zero from the samples so far, and discard them.
 
         Raises `InputError` if they are unusable.
         """
@@ -307,9 +310,9 @@ class ZeroSearch:
         self.zero = zero_of_samples(self.config, states, temperature, used)
 
     def finish(self, what: str, rows: int) -> None:
-        """Make the zero at the end of a table, unless it is known already.
+        """Compute the zero at the end of a table, unless it is known already.
 
-        what, rows: the table's name in messages, and its number of rows. Raises `InputError` if the
+        what: the table's name in messages.  rows: number of its rows. Raises `InputError` if the
         table lacks the samples of the zero, or they are unusable.
         """
         if self.zero is not None:
@@ -381,7 +384,7 @@ def zero_findings(zero: ZeroPose) -> list[str]:
     """Sentences on a zero's faults: motion of the mirror, another configuration."""
     sentences = []
     worst = int(np.nanargmax(zero.scatter)) if np.isfinite(zero.scatter).any() else 0
-    if zero.scatter[worst] > max(MOVED, 1 + BY_CHANCE / max(zero.samples - 1, 1) ** 0.5):
+    if zero.scatter[worst] > max(MOVED, 1 + CHANCE_TERM / max(zero.samples - 1, 1) ** 0.5):
         sentences.append(
             f"The mirror moved while the zero was measured: its samples scatter "
             f"{short_number(zero.scatter[worst])} times as much in {POSE[worst]} as their noise. "

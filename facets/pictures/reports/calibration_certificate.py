@@ -66,7 +66,8 @@ DOES_NOT_STATE = (
 
 
 class ReportFiles(NamedTuple):
-    """The page, and the files read and written, whose checksums it states."""
+    """Files of a certificate.  page: its own.  sources, results: files that the calibration read
+    and wrote, whose checksums the page states."""
 
     page: Path
     sources: list[Path]
@@ -76,16 +77,17 @@ class ReportFiles(NamedTuple):
 def write_report(
     settings: Config, calibrated: Config, verdict: Verdict, drawing: str, files: ReportFiles
 ) -> None:
-    """Write the page.
+    """Write the calibration certificate; a calibration that failed its checks has a warning.
 
-    calibrated: the written configuration.  drawing: SVG of the residuals.
+    settings: the configuration before the calibration.  calibrated: the written configuration.
+    drawing: SVG of the residuals.
     """
     statement = settings.calibrate.statement
-    what = statement.sensor or settings.name
+    subject = statement.sensor or settings.name
     summary, warning = "The checks of this calibration found no reason to reject it.", ""
-    title = f"Calibration certificate of {what}"
+    title = f"Calibration certificate of {subject}"
     if not verdict.is_trusted:
-        title = f"Calibration of {what}: not valid"
+        title = f"Calibration of {subject}: not valid"
         summary = "Written for inspection only, because --accept-misfit was given."
         warning = (
             "NOT VALID. The checks of this calibration failed: do not use these results. Reasons: "

@@ -45,7 +45,10 @@ class ShownDesigns:
 def page(
     name: str, variables: list[str], objectives: list[str], designs: ShownDesigns, summary: str
 ) -> str:
-    """Write the page as HTML."""
+    """Return the page of a design space as HTML.
+
+    name: of the configuration.  variables, objectives: columns of `ShownDesigns.table`.
+    """
     table = designs.table
     measures = [key for key, values in table.items() if values.dtype.kind == "f"]
     plotted = [*objectives, *variables][:MAX_PLOTTED]

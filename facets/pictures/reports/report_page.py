@@ -43,7 +43,7 @@ def report(
     warning: str = "",
     sheet: str = "",
 ) -> str:
-    """Write the page. Without drawings it follows the reader's choice of light or dark.
+    """Return a page as HTML, in light or dark hues as the reader chooses if it has no drawings.
 
     warning: text at the top, in the colour of alarms.  sheet: text at the foot of each printed
     sheet.
