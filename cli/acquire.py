@@ -35,8 +35,9 @@ if TYPE_CHECKING:
 PortName = Annotated[
     str | None,
     typer.Option(
+        metavar="ADDRESS",
         help="Serial port, TCP address or file of the detector board, or virtual:MOTION for a "
-        "simulated bench, stage included.  [default: the configuration's `acquire.port`]"
+        "simulated bench, stage included.  [default: the configuration's `acquire.port`]",
     ),
 ]
 Record = Annotated[
@@ -46,7 +47,9 @@ Record = Annotated[
 StagePort = Annotated[
     str | None,
     typer.Option(
-        help="Serial port or TCP address of the stage.  [default: the configuration's `stage.port`]"
+        metavar="ADDRESS",
+        help="Serial port or TCP address of the stage.  [default: the configuration's "
+        "`stage.port`]",
     ),
 ]
 CheckStage = Annotated[
@@ -130,10 +133,10 @@ def acquire(
     stage is stopped first, and the recording is closed last.
 
     Exit status 1, with the reasons in words, if too many samples were lost, the board was silent
-    for too long, no sample arrived or gave a pose, or most samples did not fit. Also if the stage
-    was stopped and not resumed, no zero could be measured, or the check of the stage or the disk
-    failed. Exit status 2 if it cannot start or the port is closed; after SIGTERM or SIGHUP 128 plus
-    the signal's number.
+    for too long, no sample arrived or gave a pose, most samples did not fit, the stage was stopped
+    and not resumed, no zero could be measured, or the check of the stage or the disk failed. Exit
+    status 2 if the run cannot start or the port is closed; after SIGTERM or SIGHUP 128 plus the
+    signal's number.
     """
     if plain and json:
         raise InputError("--plain and --json exclude each other; give one of them")

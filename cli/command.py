@@ -14,8 +14,8 @@ from facets.core.plain_numbers import plain_number, suggest_name
 
 #: Options that may be typed without a value: the value that this means, and the pattern of values.
 OPTIONAL_VALUES = {"--web": ("0", r"[^-].*"), "--certify": ("20000", r"-?[\d.+e_]+")}
-#: Title of the last section of a help text: the options that several commands have.
-COMMON = "Common options"
+#: Title of the last section of a help text: options that several commands have and few runs need.
+COMMON = "Options of several commands"
 #: Words of a help text for values of a type, by the name that typer gives the type.
 METAVARS = {"int": "N", "float": "NUMBER"}
 

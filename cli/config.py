@@ -93,13 +93,5 @@ def list_() -> None:
 
 def summary(config: Config) -> str:
     """The sensor and its motions in a line."""
-    beam, psds = config.sensor.beam, config.sensor.psds
-    radii = sorted({psd.radius for psd in psds})
-    radius = "/".join(f"{value:g}" for value in radii)
-    diameters = sorted({beam.diameter_x, beam.diameter_y})
-    diameter = " x ".join(f"{value:g}" for value in diameters)
     motions = ", ".join(config.motions) or "none"
-    return (
-        f"{beam.power:g} mW, beam {diameter} mm, PSDs at {radius} mm; "
-        f"motions: {motions}; sha256 {config.sha256[:12]}"
-    )
+    return f"{config.sensor.summary}; motions: {motions}; sha256 {config.sha256[:12]}"

@@ -53,13 +53,12 @@ def optimize(
         facets optimize layout
         facets optimize parts --heads 200 --report layout.html
 
-    The requirement is the block `optimize` of the configuration.
-
-    Varies the parameters named there within their bounds, from several starting layouts, and with
-    every combination of parts from the catalogue, if there is one. Prints which requirements limit
-    the optimum; if no layout meets all of them, prints which exclude each other and ends with exit
-    status 1. Writes a configuration that extends CONFIG by the new values, rounded to values that
-    can be manufactured, and a table and a picture that compare it with CONFIG. With
+    The requirement is the block `optimize` of the configuration. The command varies the parameters
+    in `optimize.variables` within their bounds, from several starting layouts, and with every
+    combination of parts from the catalogue, if there is one. It prints which requirements limit the
+    optimum; if no layout meets all of them, it prints which exclude each other and ends with exit
+    status 1. It writes a configuration that extends CONFIG by the new values, rounded to values
+    that can be manufactured, and a table and a picture that compare it with CONFIG. With
     `optimize.production.yield_percent` the layout has margins, so that this percentage of the
     manufactured heads meets the requirements. With an object in the configuration or --point, the
     volume, the ranges and the uncertainties are those of the object's displacement from its pose at

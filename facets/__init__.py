@@ -129,4 +129,4 @@ else:
 
 
 def __dir__() -> list[str]:
-    return [*globals(), *__all__]
+    return __all__

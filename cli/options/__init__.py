@@ -19,7 +19,7 @@ from facets.core.hues import choose_style
 from ..command import COMMON
 from . import completion
 
-#: An option that several commands have.
+#: An option that several commands have, in a section of its own, since few runs need it.
 option = partial(typer.Option, rich_help_panel=COMMON)
 
 
@@ -54,7 +54,7 @@ def describe_default(default: str) -> str:
 
 def output_option(formats: str, default: str = "") -> Any:
     """`-o FILE`, of commands whose result is one file."""
-    return option(
+    return typer.Option(
         "-o",
         "--output",
         metavar="FILE",
@@ -64,7 +64,7 @@ def output_option(formats: str, default: str = "") -> Any:
 
 def folder_option(default: str) -> Any:
     """`-d FOLDER`, of commands whose results are several files."""
-    return option(
+    return typer.Option(
         "-d",
         "--folder",
         metavar="FOLDER",
@@ -90,7 +90,7 @@ def write_option(content: str) -> Any:
 
 def motion_option(use: str, default: str = "") -> Any:
     """`--motion NAME`."""
-    return option(
+    return typer.Option(
         "--motion",
         metavar="NAME",
         help=f"Name of a motion in the configuration: {use}.{describe_default(default)}",
@@ -177,7 +177,7 @@ Zero = Annotated[
     str | None,
     option(
         "--zero",
-        metavar="SECONDSs|row:N|FILE",
+        metavar="TIME|row:N|FILE",
         help="Reference pose: also give displacements from the mean of the first seconds (such as "
         "2s), from a row (row:1 is the first), or from the mean pose of a table of poses (CSV, "
         "Parquet or HDF5).",
@@ -203,11 +203,11 @@ Certify = Annotated[
 Quick = Annotated[bool, option("--quick", help="Run a shorter version with fewer samples.")]
 Seconds = Annotated[
     float | None,
-    option("--seconds", min=0, help="Stop after this many seconds.  [default: never]"),
+    typer.Option("--seconds", min=0, help="Stop after this many seconds.  [default: never]"),
 ]
 Track = Annotated[
     bool,
-    option(
+    typer.Option(
         "--track",
         help="Make the beam follow the mirror in x and y (`facets acquire` moves the stage for "
         "this). By default the beam is at rest.",

@@ -153,7 +153,7 @@ def _list_in_words(node: Node) -> str:
         keys = ", ".join(follow_reference(inner)["properties"])
         return f"a list of up to {node['maxItems']} blocks, each of the keys {keys}"
     if inner.get("type") == "array":
-        return f"a list of {many} pairs of numbers{_range_in_words(inner['prefixItems'][0])}"
+        return _list_in_words(inner).replace("a list", f"a list of {many} lists")
     return f"a list of {many} numbers{_range_in_words(inner)}"
 
 

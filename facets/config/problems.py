@@ -71,7 +71,7 @@ def _reason_of_number(value: Any, allowed: str) -> str:
 
 def _count_in_words(allowed: str) -> str:
     """Find '9 numbers' in 'a list of 9 numbers from ...'."""
-    match = re.search(r"(?:list of|one or) (\w+ (?:pairs of )?numbers)", allowed)
+    match = re.search(r"(?:list of|one or) (\w+ (?:lists of \w+ )?numbers)", allowed)
     return match[1] if match else "two numbers"
 
 

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 from itertools import chain, pairwise
-from math import pi
+from math import degrees, pi
 from numbers import Real
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
@@ -20,6 +20,7 @@ from .axis_keys import HALF_TURN_MRAD, MAX_LENGTH_MM
 from .errors import InputError
 from .keys import FieldSource, Key, Values, declare, item_of, key, to_code
 from .names import DETECTORS, TEMPERATURE_COLUMN
+from .notebook import BLOCK_NAMES, changed_fields
 from .units import bounds_of
 
 Pair = tuple[float, float]
@@ -962,3 +963,22 @@ class Sensor:
                 gap,
                 "between 0 and pi rad, so that the facets make a pyramid",
             )
+
+    @property
+    def summary(self) -> str:
+        """Beam, facets and detectors, and the blocks of keys that differ from the paper's sensor;
+        the values of different parts are separated by slashes."""
+        beam = self.beam
+        diameter = " x ".join(f"{size:g}" for size in {beam.diameter_x: 0, beam.diameter_y: 0})
+        numbers = (
+            {f"{degrees(facet.inclination):.6g}": 0 for facet in self.facets},
+            {f"{psd.size_y:g} x {psd.size_z:g}": 0 for psd in self.psds},
+            {f"{psd.radius:g}": 0 for psd in self.psds},
+        )
+        inclination, size, radius = map("/".join, numbers)
+        blocks = [BLOCK_NAMES.get(name, name) for name, *_ in changed_fields(self)]
+        others = f"; differs from the paper's in {', '.join(blocks)}" if blocks else ""
+        return (
+            f"{beam.power:g} mW, beam {diameter} mm, facets {inclination} deg, PSDs {size} mm at "
+            f"{radius} mm{others}"
+        )

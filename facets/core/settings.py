@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import hypot
 from pathlib import Path
 from typing import Any, Literal
@@ -397,13 +397,13 @@ class Config:
     sensors, motions and settings.
     """
 
-    name: str
-    path: Path
+    name: str = field(repr=False)
+    path: Path = field(repr=False)
     sensor: Sensor
     motions: dict[str, Motion]
-    electronics: Electronics
-    resolved: dict[str, Any]
-    sha256: str
+    electronics: Electronics = field(repr=False)
+    resolved: dict[str, Any] = field(repr=False)
+    sha256: str = field(repr=False)
     noise: bool = item_of(SIMULATE, "noise")
     seed: int = item_of(SIMULATE, "seed")
     solve: Solve = key("solve", {}, "settings of the solver", block=block_of(Solve))
@@ -425,5 +425,5 @@ class Config:
 
     @property
     def summary(self) -> str:
-        """The name, the number of motions, and the sensor's differences from the paper's."""
-        return f"{self.name}, {count_text(len(self.motions), 'motion')}, {self.sensor!r}"
+        """The name, the number of motions, and the sensor."""
+        return f"{self.name}, {count_text(len(self.motions), 'motion')}, {self.sensor.summary}"

@@ -61,6 +61,6 @@ def log_compilation(passing: object) -> None:
         if _is_logged or parent_process() is not None:
             return
         _is_logged = True
-    when = "only the first time" if passing is None else "each time: no cache can be written"
-    text = f"facets: compiling for this processor (some seconds, {when}) ..."
+    later = "later runs are faster" if passing is None else "in every run: no cache can be written"
+    text = f"facets: compiling what this command needs (some seconds; {later}) ..."
     logging.getLogger("facets").warning(text)

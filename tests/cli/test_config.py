@@ -10,7 +10,7 @@ from commands import command
 def test_check_says_ok_and_what_the_sensor_is(tmp_path):
     result = command("config", "check", "paper", cwd=tmp_path)
     assert result.returncode == 0
-    assert result.stdout.startswith("ok  paper: 0.3 mW, beam 0.85 mm, PSDs at 250 mm; motions: x-")
+    assert result.stdout.startswith("ok  paper: 0.3 mW, beam 0.85 mm, facets 45 deg, PSDs ")
     assert result.stderr == ""
 
 
