@@ -132,11 +132,11 @@ def acquire(
     the zero is measured. Ctrl-C, SIGTERM and closing the terminal end the run: the
     stage is stopped first, and the recording is closed last.
 
-    Exit status 1, with the reasons in words, if too many samples were lost, the board was silent
-    for too long, no sample arrived or gave a pose, most samples did not fit, the stage was stopped
-    and not resumed, no zero could be measured, or the check of the stage or the disk failed. Exit
-    status 2 if the run cannot start or the port is closed; after SIGTERM or SIGHUP 128 plus the
-    signal's number.
+    The exit status is 1, with the reasons in words, if too many samples were lost, the board was
+    silent for too long, no sample arrived or gave a pose, or most samples did not fit. It is also 1
+    if the stage was stopped and not resumed, no zero could be measured, or the check of the stage
+    or the disk failed. It is 2 if the run cannot start or the port is closed, and 128 plus the
+    signal's number after SIGTERM or SIGHUP.
     """
     if plain and json:
         raise InputError("--plain and --json exclude each other; give one of them")
