@@ -172,8 +172,8 @@ def slope_of_shares(lights: list[Any], alpha: list[Any]) -> Any:
 def check_cell(
     edges: Any, openings: list[Any], q: Array, least_share: float, light: Any, depth: int = 0
 ) -> None:
-    """Check the file's bounds in a cell of offsets, unless some facet has less than the least share
-    everywhere in it."""
+    """Check the file's bounds in a cell (2,) of offsets, unless a facet has less than the least
+    share everywhere in it. Raises `Refused` if they fail even in quarters of `DEPTH` levels."""
     shares, middles = [], []
     for k in range(3):
         part, middle = light_on(edges[k][0], openings[k], q, RAYS * (1 + depth // 2))

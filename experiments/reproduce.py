@@ -139,7 +139,8 @@ def reference_path(name: str, quick: bool, kind: str) -> Path:
 
 
 def tolerances() -> dict[str, Any]:
-    """Tolerances by experiment, kind of table (claims, table) and column: rel, abs, why."""
+    """Read the tolerances by experiment, kind of table (claims, table) and column. Each has
+    `why`; `rel`, a fraction, and `abs`, in the column's unit, are 0 if absent."""
     from ruamel.yaml import YAML
 
     rules: dict[str, Any] = YAML(typ="safe").load(EXPECTED / "tolerances.yaml")

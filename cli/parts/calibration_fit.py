@@ -76,7 +76,8 @@ def choose_power(settings: Config, options: Calibrate, verdict: Verdict) -> tupl
 
 
 def read_samples(settings: Config, paths: CalibrationFiles) -> tuple[Data, Calibrate]:
-    """Read the samples, and add the fitted time offset if a reference is joined."""
+    """Read the samples. With a joined reference, print its offset, and fit a delay that is
+    `auto`, unless dwells are averaged. Raises `InputError` for unusable tables."""
     options, data, reference = settings.calibrate, paths.data, paths.reference
     if reference is None:
         return calibration.table.read(data, options), options

@@ -32,7 +32,8 @@ def read_columns(data: Path, inputs: list[str], config: str | None) -> tuple[Col
 
 
 def solve_columns(recording: Path, inputs: list[str], config: str | None) -> tuple[Columns, Config]:
-    """Solve a recording, which must have the auxiliary channels of the inputs."""
+    """Solve a recording; return its poses and channels as columns, and its configuration. Raises
+    `InputError` if an input's channel is missing, or no sample is complete."""
     playback = live.Playback(recording, facets.load(config) if config else None)
     names = [channel.column for channel in playback.config.acquire.channels]
     for column in inputs:

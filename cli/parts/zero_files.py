@@ -78,7 +78,8 @@ def write_zero(
 
 
 def new_keys(settings: Config, zero: NewZero, covariance: Path) -> dict[str, Any]:
-    """The keys of CONFIG that change."""
+    """The blocks `sensor`, with its changed keys, and `solve`, with the beam's offset, um. The
+    covariance's file must exist, because its hash is one of the keys."""
     old = settings.resolved["sensor"]
     new = configuration.sensor_keys.write_sensor(old, zero.sensor)
     new["calibration"] = calibration_keys(zero.sensor, covariance)

@@ -374,8 +374,9 @@ def evaluate_axis(
     Raises
     ------
     InputError
-        If no dwells are found, they do not belong to the commands or to this axis, or the axis
-        leans by more than 10 degrees from the object's.
+        If no row has a pose, fewer than two dwells are found, or they fit neither the commands nor
+        this axis. Also if all commands are equal, dwells without commands are unevenly spaced, or
+        the axis leans by more than 10 degrees from the object's.
     """
     plan = make_plan(sensor, knowledge)
     visits, counts = find_visits(series, test, sensor, plan)

@@ -32,7 +32,8 @@ def cpu_seconds(
     together, and their spread.
 
     The seconds are those of the fastest round, after a first row that compiles and imports. The
-    spread is the fraction by which the median round takes longer; NaN for a single round.
+    spread is the fraction by which the median round takes longer. It is NaN for a single round,
+    also of a contender that took more than 2 s and was not repeated.
     """
     times: list[list[float]] = [[] for _ in contenders]
     for contender in contenders:

@@ -254,7 +254,7 @@ class Plain:
 
     @property
     def original(self) -> Data:
-        """The samples as they were read, before causes were undone."""
+        """The samples to fit, screened and averaged, before causes were undone."""
         return self.screened.original or self.screened.fitted
 
     def refusal(self, reasons: list[Finding], done: EffectSearch | None = None) -> Verdict:

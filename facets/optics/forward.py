@@ -316,7 +316,8 @@ class Path(NamedTuple):
 
 
 def path(facet: LitFacet) -> Path:
-    """The path of the ray that carries the centroid of the light on a facet to its detector."""
+    """The path, mm, of the ray that carries the light's centroid from a facet to its detector.
+    It is meaningless if the facet does not face the beam; `reading` is then NaN."""
     geometry, at, normal = facet.geometry, facet.at, facet.normal
     centroid = facet.moments[1]
     offset = combine(centroid[0], geometry.spread[0], centroid[1], geometry.spread[1])

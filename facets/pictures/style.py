@@ -117,7 +117,8 @@ def figure(width: float, height: float, **options: Any) -> Figure:
 
 
 def save(picture: Figure, path: Path) -> None:
-    """Write a picture as PNG, SVG or PDF by its ending; a failure leaves no partial file."""
+    """Write a picture as PNG, SVG or PDF by its ending. Raises `InputError` for another ending,
+    and `OutputError`, without a partial file, if writing fails."""
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: a picture's name ends in {', '.join(ENDINGS)}")
     kind = path.suffix[1:].lower()

@@ -148,7 +148,8 @@ def gap_limits(response: FrequencyResponse, signals: ResponseSignals) -> Iterato
 
 
 def input_limits(response: FrequencyResponse, signals: ResponseSignals) -> Iterator[str]:
-    """Sentences on bands without power, and on a clipped input."""
+    """Sentences on bands without power, on an input that is not stationary, and on a clipped
+    input; none without such a limit."""
     silent = bands(response.frequency, ~response.is_excited)
     if silent:
         yield (

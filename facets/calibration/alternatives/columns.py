@@ -67,8 +67,8 @@ def separate(values: Floats, pattern: ArrayLike) -> Floats:
 
 
 def follow_powers(remainder: Residuals, terms: Floats) -> Floats:
-    """Columns (n, 9, 3 q) in which the power of each detector varies by terms (n, 3 or 1, q), as
-    fractions of that power."""
+    """Columns (n, 9, 3 q), in standard deviations of the readings, in which the power of each
+    detector varies by terms (n, 3 or 1, q), fractions of that power."""
     effects = np.zeros((len(terms), 3, 3, terms.shape[2]))
     effects[:, :, 2] = terms * remainder.light[:, :, None]
     return detector_blocks(effects)

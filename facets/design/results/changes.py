@@ -141,8 +141,9 @@ def write_design(
     settings: Config, sensor: Sensor, path: Path, about: dict[str, str],
     remarks: dict[str, str] | None = None,
 ) -> Config | str:  # fmt: skip
-    """Write a design as a configuration that extends its original, and return the loaded
-    configuration, or the reason if it does not load.  remarks: see `as_extension`."""
+    """Write a design as a configuration that extends its original. Return the loaded
+    configuration, or the reason if it does not load; the file then remains. Raises `OutputError`
+    if writing fails.  remarks: see `as_extension`."""
     with Whole(path) as temporary:
         text = as_extension(settings, sensor, path.parent, about, remarks)
         temporary.write_text(escape_undecodable(text), "utf-8")

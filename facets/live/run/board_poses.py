@@ -143,7 +143,8 @@ class BoardPoses:
         )
 
     def complaints(self) -> list[str]:
-        """Return the faults of a comparison on request; none if the poses are alike."""
+        """Return the faults of a requested comparison: no pose was compared, or more than one in
+        a thousand differs. The list is empty otherwise."""
         if not self.compared:
             return ["the board sent no pose that could be compared."]
         return list(filter(None, [self.trouble()]))

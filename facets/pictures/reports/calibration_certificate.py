@@ -186,7 +186,9 @@ def reference_rows(uncertainties: tuple[float, ...]) -> list[list[str]]:
 
 
 def expand(standard: Floats, freedom: Floats) -> tuple[Floats, list[str], list[str]]:
-    """Return expanded uncertainties, coverage factors in words, and degrees of freedom in words."""
+    """Return expanded uncertainties for 95 %, shaped like `standard`, and two flat lists of
+    texts: coverage factors and degrees of freedom. Without freedom the factor is the normal
+    distribution's."""
     factor = coverage_factor(budgets.COVERAGE, freedom)
     counts = [f"{value:.0f}" if value < 1e4 else "∞" for value in freedom.ravel().tolist()]
     return factor * standard, [f"{value:.2f}" for value in factor.ravel().tolist()], counts

@@ -53,7 +53,8 @@ def label(key: str) -> str:
 
 
 def lines_of(text: str) -> list[str]:
-    """Split a label into short lines, its unit the last."""
+    """Split a label into lines of at most 12 characters; a unit after the last comma has a line
+    of its own."""
     name, comma, unit = text.rpartition(", ")
     return [*wrap(name if comma else text, WIDTH), *([unit] if comma else [])]
 

@@ -69,9 +69,8 @@ def add_floor(studio: Studio, points: Floats, z: float, theme: Theme) -> None:
 
 
 def floor_shade(studio: Studio, reach: float, z: float) -> Floats:
-    """Compute the darkness of shadows on the floor at z, over x and y from -reach to reach.
-
-    The higher a part is, the softer its shadow.
+    """Compute the darkness (h, w), 0 to 1, of shadows on the floor at z, over x and y from
+    -reach to reach, mm. Higher parts have softer shadows.
     """
     from scipy.ndimage import gaussian_filter, map_coordinates
 
@@ -168,7 +167,7 @@ def shine(picture: Floats, light: Glow, theme: Theme, look: Exposure) -> Floats:
 
 
 def stain(picture: Floats, light: Glow, theme: Theme, haze: float) -> Floats:
-    """Blend light into a bright picture, as ink."""
+    """Blend light as ink into a bright picture (h, w, 3), 0 to 1, in place, and return it."""
     for amount, hue in beams(light, theme, haze):
         wide = 1.15 * amount + 0.5 * halo(amount, 0.003, 1.2)
         blend(picture, 0.92 * (1 - np.exp(-1.5 * wide)), hue)

@@ -174,7 +174,7 @@ class DrawingSheet:
         return None
 
     def lines(self, parts: Any, hues: Any = None, width: float = 1.1, **options: Any) -> None:
-        """Draw lines, each through points (n, 2)."""
+        """Draw lines, each through points (n, 2) in pixels."""
         from matplotlib.collections import LineCollection
 
         drawn = LineCollection(
