@@ -122,7 +122,7 @@ def calibrate(
 ) -> None:
     """Fit the parameters of a rig to readings with reference poses.
 
-        facets calibrate rig run.csv -o calibrated.yaml
+        facets calibrate rig run/readings.csv -o calibrated.yaml
         facets calibrate rig --propose 60 -o poses.csv
 
     The parameters are the detectors' positions and angles, the facets' angles, the gains and, if

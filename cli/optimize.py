@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from facets import config as configuration, core, files
+from facets import config as configuration, core, design, files
 
 from .console import FINDING, draw_extra, load_config
 from .options import (
@@ -68,6 +68,7 @@ def optimize(
     if certify:
         core.extras.require_extra("flint", "--certify")
     settings = choose_point(load_config(config), point)
+    design.variables.require_variables(settings.layout, settings.name)
     path = output or Path(f"{settings.name}-optimum.yaml")
     require_yaml(path)
     paths = [path.with_suffix(ending) for ending in (".csv", f".{plot.value}")]

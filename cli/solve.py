@@ -153,26 +153,23 @@ def solve(
     measurement = estimation.Measurement(replace(settings, solve=options), columns, tally=tally)
     size = readings.stat().st_size if readings.is_file() else None
     with show_progress("solving") as on_progress:
-        lines = estimation.solve_table(
+        estimation.solve_table(
             measurement, readings, path, about, lambda done: on_progress(done, size)
         )
     with free_output(path):
-        report(measurement, lines, path)
+        report(measurement, path)
         if coverage is not None:
             report_coverage(about)
     if not tally.solved_count or 2 * tally.misfit.flagged > tally.solved_count:
         raise typer.Exit(FINDING)
 
 
-def report(measurement: estimation.Measurement, lines: list[int], output: Path) -> None:
-    """Print the statuses of the rows.  lines: numbers of the first lines that are not numbers."""
+def report(measurement: estimation.Measurement, output: Path) -> None:
+    """Print the statuses of the rows, and sentences on their poses."""
     tally = measurement.tally
-    print(f"{tally.solved_count} of {tally.statuses.total()} rows solved: {output}")
-    for status, number in tally.statuses.items():
-        if status != "converged":
-            print(f"  {number} {status}")
-    if lines:
-        more = " ..." if tally.statuses["unparsable"] > len(lines) else ""
-        print(f"  not numbers in line {', '.join(map(str, lines))}{more}")
+    place = "to standard output" if output == files.whole.STANDARD_STREAM else output
+    print(f"{tally.solved_count} of {tally.statuses.total()} rows solved: {place}")
+    for text in tally.status_sentences():
+        print(f"  {text}")
     for sentence in measurement.sentences():
         report_lines(sentence)

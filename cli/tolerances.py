@@ -6,11 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
 from facets import core
 from facets.core.errors import InputError
 from facets.core.names import FINE_COLUMNS
 
-from .console import load_config
+from .console import FINDING, load_config
 from .options import (
     ConfigName,
     Force,
@@ -22,7 +24,7 @@ from .options import (
     seed_option,
 )
 from .results import ResultFolder
-from .sentences.yields import Yields, kinds_of, show_yields, yields_of
+from .sentences.yields import Yields, kinds_of, nominal_fault, show_yields, yields_of
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -49,6 +51,7 @@ def tolerances(
     and after a calibration. The heads' parameters vary with the standard uncertainties in
     `calibrate.before`. The yield is predicted by an expansion in the tolerances and counted on
     simulated heads. Writes a table of the tolerances and a table of the heads into the folder.
+    Exit status 1 if even the perfect head violates a requirement.
     """
     if heads < LEAST_HEADS:
         raise InputError(f"--heads is {heads}; give at least {LEAST_HEADS}")
@@ -58,7 +61,7 @@ def tolerances(
     if replace(settings.layout, object=None) == core.layout.Layout():
         print(
             f"{settings.name} has no block `optimize`, so that the heads are judged by its default "
-            "requirements (see `facets config show`).\n"
+            f"requirements (see `facets config show {config}`).\n"
         )
     yields = yields_of(settings, settings.sensor, heads, seed)
     show_yields(settings, yields)
@@ -66,6 +69,8 @@ def tolerances(
         results.write_table(by_tolerance, sensitivity_columns(settings, yields))
         results.write_table(by_head, head_columns(yields.heads))
     results.name()
+    if nominal_fault(settings, yields):
+        raise typer.Exit(FINDING)
 
 
 def sensitivity_columns(settings: Config, yields: Yields) -> dict[str, Any]:

@@ -19,17 +19,21 @@ if TYPE_CHECKING:
 
 
 class Yields:
-    """A design's yields: predicted, simulated, and by tolerance.  count: of simulated heads."""
+    """A design's yields: predicted, simulated, and by tolerance.
+
+    nominal: least margin of the perfect head, and its name.  count: of simulated heads.
+    """
 
     def __init__(
         self,
+        nominal: tuple[float, str],
         predicted: YieldFractions,
         heads: SimulatedHeads,
         by_tolerance: list[Sensitivity],
         accurate: bool,
     ) -> None:
         self.predicted, self.heads, self.by_tolerance = predicted, heads, by_tolerance
-        self.accurate = accurate
+        self.nominal, self.accurate = nominal, accurate
         self.count = len(heads.within_limits)
 
 
@@ -44,7 +48,9 @@ def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields
     with show_progress("building heads") as on_progress:
         made = design.tolerances.heads.simulate_heads(built, heads, seed, on_progress)
     accurate = bool(built.requirement.accuracy_axes)
+    worst = int(expansion.margins.argmin())
     return Yields(
+        (float(expansion.margins[worst]), expansion.group(worst)),
         design.tolerances.prediction.predict_yields(expansion, draws),
         made,
         design.tolerances.prediction.sensitivities(expansion, draws),
@@ -53,6 +59,8 @@ def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields
 
 
 def show_yields(settings: Config, yields: Yields) -> None:
+    if fault := nominal_fault(settings, yields):
+        print(f"{fill(fault, 98)}\n")
     title = f"yield, as loose as calibrate.before says, of {yields.count} heads"
     show_table(title, *yield_rows(settings, yields))
     if yields.accurate:
@@ -81,6 +89,25 @@ def exact_tolerances(yields: Yields) -> str:
     )
 
 
+#: Margins that are negative by no more than this are zero but for rounding.
+ROUNDING = 1e-6
+
+
+def nominal_fault(settings: Config, yields: Yields) -> str:
+    """Name the requirement that the perfect head violates most; "" if it meets all."""
+    margin, name = yields.nominal
+    if margin >= -ROUNDING:
+        return ""
+    default = settings.layout.volume == core.layout.Layout().volume
+    return (
+        "The perfect head itself violates the requirements in the volume"
+        f"{' (optimize.volume is the default)' if default else ''}, so that smaller tolerances "
+        f"cannot help. The worst margin is {100 * margin:.3g} %: {name} (spots in per cent of half "
+        "a detector, all else of the limit). Find a layout that meets the requirements with "
+        "`facets optimize`, or set another optimize.volume."
+    )
+
+
 #: A yield below this value means that a design has too little margin.
 LOW_YIELD = 0.5
 
@@ -88,7 +115,7 @@ LOW_YIELD = 0.5
 def margin_advice(settings: Config, yields: Yields) -> str:
     """Advice for a design with a low yield; "" for a higher yield or without tolerances."""
     fraction = design.tolerances.heads.count_passes(yields.heads)["within_limits"] / yields.count
-    if fraction >= LOW_YIELD or not yields.by_tolerance:
+    if fraction >= LOW_YIELD or not yields.by_tolerance or nominal_fault(settings, yields):
         return ""
     strongest = yields.by_tolerance[0]
     words = (

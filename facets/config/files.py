@@ -46,7 +46,10 @@ def _missing_file(name_or_path: str, file: Path, names: dict[str, Path]) -> str:
     fault = (
         "no such file" if not bare or file.suffix in SUFFIXES else "no such file or shipped name"
     )
+    same = [name for name in nearby if Path(name).stem == file.name]
     hint = suggest_name(file.name, candidates)
+    if same:
+        hint = f"; did you mean {same[0]!r}? The name of a file needs its ending"
     return f"{name_or_path}: {fault}{hint} (shipped names: {', '.join(names)})"
 
 

@@ -192,11 +192,13 @@ OF_A_PSD = {"radius_mm": 0, "azimuth_deg": 1, "height_mm": 2,
             "roll_mrad": 3, "pitch_mrad": 4, "yaw_mrad": 5}  # fmt: skip
 
 
-def require_variables(layout: Layout) -> None:
-    """Raise `InputError` if no variable may vary."""
+def require_variables(layout: Layout, name: str = "the layout") -> None:
+    """Raise `InputError` if no variable may vary.  name: of the layout's configuration."""
     if not layout.variables:
         raise InputError(
-            "optimize.variables is empty: name what may vary, as radius_mm: [150, 260]"
+            f"optimize.variables of {name} is empty; state what may vary in a file of your own, "
+            "such as one with the lines `extends: paper` and "
+            "`optimize: {variables: {radius_mm: [150, 260]}}`"
         )
 
 

@@ -171,7 +171,7 @@ class Measurement:
         has_parts = self.config.sensor.calibration is not None
         count = len(samples.readings)
         solution = empty_solution(count, Status.SKIPPED, has_parts)
-        self.tally.add_statuses(solution)
+        self.tally.add_statuses(solution, samples.numbers)
         return self.finish(samples, solution, np.zeros(count, dtype=bool))
 
     def estimate(self, samples: Samples) -> SampleEstimate:

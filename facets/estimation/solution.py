@@ -340,15 +340,17 @@ class Solution(UncertainResult):
 
     @property
     def summary(self) -> str:
-        """Number of poses, number of poses that are `ok`, and the root mean square of the residuals
-        relative to the stated noise."""
+        """Number of poses, number of poses that are `ok`, the root mean square of the residuals
+        relative to the stated noise, and the indices of the first misfits."""
         checks, ok = np.asarray(self.checks, float)[self.converged], np.count_nonzero(self.ok)
         squares = np.square(self.residual[self.converged])
         ratio = np.sqrt(squares.sum() / checks.sum()) if checks.any() else np.nan
-        return (
+        text = (
             f"{count_text(np.size(self.status), 'pose')}, {ok:,} ok, residual {ratio:.2f} of 1.00 "
             "expected"
         )
+        misfits = np.flatnonzero(self.misfit).tolist()
+        return f"{text}; the first misfits: {misfits[:5]}" if misfits else text
 
     def columns(self) -> dict[str, Any]:
         """Columns of numbers, in the units of tables: state, status, the bits of the used

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 #: Columns of the beam's position, and of its standard uncertainties in a table of poses.
 BEAM_COLUMNS = STATE_COLUMNS[6:]
 BEAM_UNCERTAINTIES = tuple(f"u_{name}" for name in BEAM_COLUMNS)
-#: Largest number of lines without numbers that are named.
-NAMED_LINES = 5
 #: Advice for a table of poses that is solved with a known beam.
 KNOWN_ADVICE = (
     "give --beam free, or leave the two columns out if the beam stood still at the origin"
@@ -43,13 +41,12 @@ def solve_table(
     about: dict[str, str],
     progress: Callable[[int], None] = lambda _: None,
     rows: int = tables.CHUNK,
-) -> list[int]:
+) -> None:
     """Solve each row of the table `readings` into a row of `poses`; NaN for rows without numbers.
 
     Needed columns: psi_a_mm, zeta_a_mm, power_a_mw, ... Times are copied. The columns bx_mm, by_mm
     give the position of a beam that is not free; estimates raise `InputError`, see
-    `require_known_beam`. The first lines without numbers are returned, and the measurement's tally
-    counts all of them.
+    `require_known_beam`. The measurement's tally counts the lines without numbers.
 
     about: provenance for the header.  progress: called with the number of bytes read.  rows:
     number of rows in a piece.
@@ -69,7 +66,6 @@ def solve_table(
             yield samples_in(config, chunk, count)
             count += len(chunk.lines)
 
-    lines: list[int] = []
     solved = measurement.poses_of_all(samples(), "the table")
     first = next(solved, None)
     if first is None:
@@ -81,12 +77,11 @@ def solve_table(
             chunk = chunks.popleft()
             columns = worded_columns(part.columns())
             columns["status"] = np.where(chunk.unparsable, UNPARSABLE, columns["status"])
-            measurement.tally.rename(part.solution.status[chunk.unparsable], UNPARSABLE)
+            lines = chunk.lines[chunk.unparsable]
+            measurement.tally.rename(part.solution.status[chunk.unparsable], UNPARSABLE, lines)
             time = time_in(chunk)
             writer.write(({} if time is None else {"time_s": time}) | columns)
-            lines += chunk.lines[chunk.unparsable][: NAMED_LINES - len(lines)].tolist()
             progress(chunk.bytes_read)
-    return lines
 
 
 def samples_in(config: Config, chunk: tables.Chunk, before: int) -> Samples:

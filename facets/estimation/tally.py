@@ -9,6 +9,7 @@ which checks the power but not the geometry.
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -24,7 +25,7 @@ from ..detectors.temperature import PLACES, beam_shift
 from ..model.arrays import is_near_edge, readings
 from .plan import FALSE_ALARM_RATE, chance_of, make_plan
 from .problem import MIN_REDUNDANCY
-from .solution import LABELS, Solution, Status
+from .solution import LABELS, UNPARSABLE, Solution, Status
 from .solver import solve
 from .uncertainty import redundancies, unseen_by_residual
 
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 #: The model is doubted if this many times more readings are flagged than by chance; it is wrong for
 #: this sensor if the median residual is this many times the noise.
 DOUBT, WRONG = 10.0, 5.0
+#: Largest number of samples that a sentence names.
+MAX_NAMED = 5
 #: The median residual is computed from this many of the newest readings.
 NEWEST = 10_000
 #: Largest number of flagged readings that are solved again. A cause explains them if it reduces
@@ -56,8 +59,14 @@ class Misfit:
 
     Attributes
     ----------
+    what
+        The word for samples in sentences.
     judged, flagged
         Number of poses that can be checked, and number of these with a residual beyond chance.
+    rows
+        Numbers of the first flagged samples, up to MAX_NAMED.
+    largest, excess
+        The largest of all `residual_sizes` of flagged poses, and of their residuals over the limit.
     sizes, size_count
         The newest `residual_sizes`, in the pieces in which they came, and their number: at least
         NEWEST, unless there are fewer in all.
@@ -70,8 +79,12 @@ class Misfit:
         Arguments with which the last flagged readings were solved.
     """
 
+    what: str = "samples"
     judged: int = 0
     flagged: int = 0
+    rows: list[int] = field(default_factory=list)
+    largest: float = 0.0
+    excess: float = 0.0
     sizes: deque[Floats] = field(default_factory=deque)
     size_count: int = 0
     carried: bool = False
@@ -81,25 +94,19 @@ class Misfit:
     knowledge: Knowledge = field(default_factory=Knowledge)
     method: str = "least-squares"
 
-    def add(
-        self,
-        solution: Solution,
-        sensor: Sensor,
-        knowledge: Knowledge,
-        method: str,
-        readings: Floats,
-        ends: Integers | None = None,
-    ) -> None:
-        """Count the solution of corrected readings (n, 9).
-
-        sensor, knowledge, method: the arguments of the estimate.  ends: the ends of the pieces in
-        which the readings came.
-        """
-        flags = solution.misfit
+    def add(self, config: Config, samples: Samples, estimate: SampleEstimate) -> None:
+        """Count solved samples."""
+        solution, knowledge, exact = estimate
+        flags, ends = solution.misfit, samples.ends
         if flags.any():
-            self.sensor, self.knowledge, self.method = sensor, knowledge, method
+            self.sensor, self.knowledge, self.method = config.sensor, knowledge, config.solve.method
             places = as_floats(knowledge.beam_prior.mean, "mean")
-            self.keep_examples(flags, readings, np.broadcast_to(places, (len(flags), 2)))
+            self.keep_examples(flags, exact, np.broadcast_to(places, (len(flags), 2)))
+            name_first(self.rows, samples.numbers[flags])
+            residuals = solution.residual[flags]
+            sizes = residuals / np.sqrt(solution.checks[flags])
+            self.largest = max(self.largest, float(sizes.max()))
+            self.excess = max(self.excess, float((residuals / solution.limit[flags]).max()))
         sizes = residual_sizes(solution)
         self.judged += len(sizes)
         self.flagged += int(flags.sum())
@@ -133,16 +140,20 @@ class Misfit:
     def sentence(self) -> str:
         """The message on flagged poses; empty if chance explains them all."""
         chance = FALSE_ALARM_RATE * self.judged
-        if self.flagged <= max(DOUBT * chance, chance + 5 * np.sqrt(chance) + 1):
+        is_rate_normal = self.flagged <= max(DOUBT * chance, chance + 5 * np.sqrt(chance) + 1)
+        if is_rate_normal and self.excess <= excess_by_chance(self.judged):
             return ""
         sizes = np.concatenate(self.sizes)
         size = float(np.median(sizes))
         # The median of the poses without a flag, since flagged poses have the largest residuals.
         unflagged = np.quantile(sizes, (1 - self.flagged / self.judged) / 2)
         is_general = self.is_mostly_flagged or unflagged > OFF_PRIOR
+        expected = "fewer than one" if chance < 1 else f"{chance:.2g}"
         counts = (
-            f"{self.flagged} of {self.judged} poses have a residual beyond chance "
-            f"({chance:.2g} would by chance); the median residual is {size:.3g} times the noise"
+            f"{self.flagged} of {self.judged} poses {('have', 'has')[self.flagged == 1]} a "
+            f"residual beyond chance ({expected} expected by chance); the median residual is "
+            f"{size:.3g} times the noise, the largest {self.largest:.3g} times (see "
+            f"{numbers_text(self.what, self.rows, self.flagged)})"
         )
         if size > WRONG or self.is_mostly_flagged:
             cause = self.cause(size)
@@ -239,6 +250,23 @@ class Misfit:
         )
 
 
+def excess_by_chance(count: int) -> float:
+    """The ratio of a residual to its limit that chance exceeds in one of `count` poses with about
+    the probability FALSE_ALARM_RATE; exactly for two degrees of freedom."""
+    return float(np.sqrt(1 - np.log(max(count, 1)) / np.log(FALSE_ALARM_RATE)))
+
+
+def name_first(named: list[int], numbers: Integers) -> None:
+    """Add numbers (n,) of samples to those that a sentence names, up to MAX_NAMED."""
+    named += numbers[: MAX_NAMED - len(named)].tolist()
+
+
+def numbers_text(what: str, named: list[int], count: int) -> str:
+    """Write the first numbers of `count` samples: "rows 3, 7 ..."."""
+    noun = what[:-1] if count == 1 else what
+    return f"{noun} {', '.join(map(str, named))}{' ...' * (count > len(named))}"
+
+
 def point(place: Floats) -> str:
     """Format a position (2,), mm, to the micrometre."""
     x, y = (round(float(value), 3) + 0.0 for value in place)
@@ -320,6 +348,11 @@ class Tally:
         Clause on a missing temperature, for a sensor with `Sensor.thermal`.
     statuses
         Number of samples by the words of their status.
+    named
+        Numbers of the first samples by the words of their status; lines of unparsable rows.
+    unlit
+        (3,) number of samples with the status UNCHECKED in which a detector is dark or its spot is
+        out of range.
     misfit
         Counts of the poses with a residual beyond chance.
     checked, unchecked
@@ -342,6 +375,8 @@ class Tally:
     what: str = "samples"
     cold: str = f"the samples have no {TEMPERATURE_COLUMN}"
     statuses: Counter[str] = field(default_factory=Counter)
+    named: dict[str, list[int]] = field(default_factory=dict)
+    unlit: Integers = field(default_factory=lambda: np.zeros(3, np.int64))
     misfit: Misfit = field(default_factory=Misfit)
     checked: int = 0
     unchecked: int = 0
@@ -365,14 +400,16 @@ class Tally:
 
     def add(self, config: Config, samples: Samples, estimate: SampleEstimate) -> None:
         """Count solved samples; those of several pieces only if they `may_join`."""
-        sensor, (solution, knowledge, exact) = config.sensor, estimate
-        self.add_statuses(solution)
+        sensor, solution = config.sensor, estimate.solution
+        self.add_statuses(solution, samples.numbers)
+        self.unlit += (~solution.used[solution.status == Status.UNCHECKED]).sum(axis=0)
         if sensor.thermal.is_on:
             self.is_cold |= samples.temperature is None
             if samples.temperature is not None:
                 self.unknown_temperatures += int((~np.isfinite(samples.temperature)).sum())
+        self.misfit.what = self.what
         self.misfit.carried |= samples.place_sigma is not None
-        self.misfit.add(solution, sensor, knowledge, config.solve.method, exact, samples.ends)
+        self.misfit.add(config, samples, estimate)
         converged, checks = solution.converged, solution.checks > 0
         was_bare, row = self.is_bare, self.look_for_unseen(config, estimate)
         is_bare: Any = self.is_bare
@@ -384,18 +421,33 @@ class Tally:
             near = (is_near_edge(sensor, samples.readings) & solution.used).any(axis=1)
             self.edges += int((converged & near).sum())
 
-    def add_statuses(self, solution: Solution) -> None:
-        """Count the statuses of a solution."""
+    def add_statuses(self, solution: Solution, numbers: Integers) -> None:
+        """Count the statuses of a solution.  numbers: (n,) of the samples."""
         for number, count in enumerate(np.bincount(solution.status).tolist()):
             if count:
                 self.statuses[LABELS[number]] += count
+                self.name(LABELS[number], numbers[solution.status == number])
 
-    def rename(self, status: NDArray[np.int8], words: str) -> None:
-        """Count samples with some statuses (n,) under other words."""
+    def rename(self, status: NDArray[np.int8], words: str, lines: Integers) -> None:
+        """Count samples with some statuses (n,) under other words.  lines: (n,) in their file."""
         self.statuses.subtract(LABELS[number] for number in status.tolist())
         self.statuses = +self.statuses
         if len(status):
             self.statuses[words] += len(status)
+            self.name(words, lines)
+
+    def name(self, words: str, numbers: Integers) -> None:
+        """Store the first numbers (n,) of samples with a status."""
+        name_first(self.named.setdefault(words, []), numbers)
+
+    def status_sentences(self) -> Iterator[str]:
+        """Yield the number of samples with each status other than CONVERGED, and the first ones."""
+        for words, count in self.statuses.items():
+            where = "lines" if words == UNPARSABLE else self.what
+            if words == Status.NON_FINITE.label:
+                yield f"{count} {words}"  # unparsable rows were among the first
+            elif words != Status.CONVERGED.label:
+                yield f"{count} {words}: {numbers_text(where, self.named[words], count)}"
 
     def look_for_unseen(self, config: Config, estimate: SampleEstimate) -> int:
         """Bound the undetected error of one corrupted number at some of the checked poses.
@@ -440,23 +492,38 @@ class Tally:
         """Sentences for the user on limitations of the poses, as far as they apply."""
         sentences = (
             self.misfit.describe(np.sqrt(self.expected / max(self.sampled, 1))),
-            self.unchecked_sentence(),
+            self.unchecked_sentence(config.solve.power),
             self.edge_sentence(),
-            self.unseen_sentence(),
+            self.unseen_sentence(config.solve.beam),
             self.temperature_sentence(config),
         )
         return [sentence for sentence in sentences if sentence]
 
-    def unchecked_sentence(self) -> str:
-        """A sentence on samples whose poses have, or would have, no redundancy; "" for none."""
+    def unchecked_sentence(self, power: str) -> str:
+        """A sentence on samples whose poses have, or would have, no redundancy; "" for none.
+
+        power: what is known about the laser's power, as `solve.power`.
+        """
         refused = self.statuses[Status.UNCHECKED.label]
         if refused:
+            pairs = zip("ABC", self.unlit.tolist(), strict=True)
+            unlit = ", ".join(f"PSD {letter} in {count}" for letter, count in pairs if count)
+            reason = (
+                "They have as many readings as unknowns, or priors of beam and power that are too "
+                "wide to check them"
+            )
+            unknown = "beam" if power == "known" else "power"
+            advice = f"Give more knowledge, such as solve.{unknown}: known"
+            if unlit:
+                reason = (
+                    "A detector gives no usable reading, because it is dark or its spot is out of "
+                    f"range ({unlit}), and only as many readings as unknowns remain"
+                )
+                advice = "Bring all spots onto their detectors"
             return (
-                f"{self.what.capitalize()} without a redundant reading: {refused}. They have as "
-                "many readings as unknowns, or priors of beam and power that are too wide to check "
-                "them, so that a wrong reading would not be noticed. Give more knowledge, such as "
-                "solve.power: known, or solve them all the same with --accept-unchecked "
-                "(solve.accept_unchecked)."
+                f"{self.what.capitalize()} without a redundant reading: {refused}. {reason}, so "
+                f"that a wrong reading would not be noticed. {advice}, or solve them all the same "
+                "with --accept-unchecked (solve.accept_unchecked)."
             )
         if self.unchecked:
             return (
@@ -475,15 +542,18 @@ class Tally:
             "do not hold. Set sensor.apertures.detectors to model the edges."
         )
 
-    def unseen_sentence(self) -> str:
-        """A sentence on the undetected error that one corrupted number can cause; "" if small."""
+    def unseen_sentence(self, beam: str) -> str:
+        """A sentence on the undetected error that one corrupted number can cause; "" if small.
+
+        beam: what is known about the beam's position, as `solve.beam`.
+        """
         place, power = self.unseen.tolist()
         if not max(place, power) > MUCH:
             return ""
+        cause = ", because the beam is free" if beam == "free" and place > BOUNDLESS else ""
         return (
-            "A single wrong reading can shift a pose without raising its residual, in standard "
-            f"uncertainties: a wrong position of a spot by {amount(place)}, a wrong power by "
-            f"{amount(power)}."
+            "One wrong number can go unnoticed. A wrong power then shifts the pose by "
+            f"{amount(power)}; a wrong position of a spot by {amount(place)}{cause}."
         )
 
     def temperature_sentence(self, config: Config) -> str:
@@ -508,7 +578,11 @@ class Tally:
 
 def amount(errors: float) -> str:
     """Format an error in standard uncertainties."""
-    return "any amount" if errors > BOUNDLESS else f"up to {short_number(errors, 2)}"
+    return (
+        "any amount"
+        if errors > BOUNDLESS
+        else (f"at most {short_number(errors, 2)} of its standard uncertainties")
+    )
 
 
 def shift_per_kelvin(sensor: Sensor, options: Solve) -> Floats:

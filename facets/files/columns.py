@@ -65,13 +65,22 @@ def join_columns(parts: Sequence[Columns]) -> dict[str, Any]:
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
+def suggest_column(missing: str, names: Iterable[str]) -> str:
+    """Suggest the column to use or to convert for a missing one; "" if none is near."""
+    quantity = missing.removesuffix(unit_in(missing))
+    for name in names:
+        if unit_in(name) and name.removesuffix(unit_in(name)) == quantity:
+            return f"; {name} has another unit: convert it to {unit_of_column(missing)}"
+    return suggest_name(missing, sorted(names))
+
+
 def columns_to_read(
     source: object, names: Sequence[str], needed: Sequence[str], optional: Sequence[str]
 ) -> list[str]:
     missing = [name for name in needed if name not in names]
     if missing:
         shown = shorten(", ".join(names) or "none", 200, placeholder=" ...")
-        near = suggest_name(missing[0], names)
+        near = suggest_column(missing[0], set(names) - set(needed))
         text = f"{source}: missing columns: {', '.join(missing)}{near} (columns found: {shown})"
         raise MissingColumnsError(text, missing)
     twice = sorted({name for name in names if names.count(name) > 1})

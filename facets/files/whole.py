@@ -48,9 +48,8 @@ def refuse_to_overwrite(
                 "another name"
             )
     if existing and not force:
-        raise OutputError(
-            f"{', '.join(map(str, existing))}: exists already; use --force to replace it"
-        )
+        names, verb = ", ".join(map(str, existing)), "exist" + "s" * (len(existing) == 1)
+        raise OutputError(f"{names}: {verb} already; use --force to overwrite")
 
 
 def require_writable(path: Path) -> None:

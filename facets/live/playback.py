@@ -121,12 +121,15 @@ class Playback:
         )
         if self.damage.words:
             yield f"  damaged: {self.damage.words}"
-        for words, count in tally.statuses.items():
-            if count and words != "converged":
-                yield f"  {count} {words}"
         board, sentences = self.pipeline.board, self.pipeline.measurement.sentences()
         clock = (*sequence.sentences(), *self.pipeline.times.messages)
-        for text in (*clock, *sentences, board.sentence(), board.trouble()):
+        for text in (
+            *tally.status_sentences(),
+            *clock,
+            *sentences,
+            board.sentence(),
+            board.trouble(),
+        ):
             if text:
                 yield f"  {text}"
 

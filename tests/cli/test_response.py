@@ -94,7 +94,7 @@ def test_a_table_needs_a_configuration_times_and_the_input(run, tmp_path):
     assert "; this is corrected." in out
     for more, text in (
         (("--input", "force"), "missing columns: force; did you mean 'force_n'?"),
-        (("--input", "force_n", "-d", "out"), "out/response.csv, out/response.png: exists already"),
+        (("--input", "force_n", "-d", "out"), "out/response.csv, out/response.png: exist already"),
         (("--input", "force_n", "--point", "1,2"), "--point is '1,2'; allowed: three numbers"),
         (("--input", "force_n", "--uff", "a.txt"), "a.txt: a universal file's name ends in .uff"),
         (("--input", "force_n", "--input-dof", "z"), "--input-dof is 'z'; allowed: NODE:AXIS"),

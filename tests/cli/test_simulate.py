@@ -52,7 +52,7 @@ def test_its_readings_solve_to_its_poses_in_a_table_or_sent_on(folder):
         np.testing.assert_array_equal(first[name], again[name])
     assert (again.used == "abc").all()
     sent = command(*words, "-o", "-", cwd=folder)
-    assert "401 of 401 rows solved: -" in sent.stderr
+    assert "401 of 401 rows solved: to standard output" in sent.stderr
     (folder / "sent.csv").write_text(sent.stdout)
     pd.testing.assert_frame_equal(again, poses(folder / "sent.csv"))
 
@@ -61,7 +61,7 @@ def test_old_results_are_kept(folder):
     before = (folder / "results/paper/poses.csv").read_text()
     done = command("simulate", "paper", cwd=folder)
     assert done.returncode == 2
-    assert "exists already; use --force to replace it" in done.stderr
+    assert "exist already; use --force to overwrite" in done.stderr
     assert (folder / "results/paper/poses.csv").read_text() == before
 
 
@@ -98,7 +98,7 @@ def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
     done = command(*words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "2 of 5 rows solved" in done.stdout
-    assert "not numbers in line 3, 6" in done.stdout
+    assert "2 unparsable: lines 3, 6" in done.stdout
     assert "a wrong position of a spot by any amount" in " ".join(done.stdout.split())
     table = poses(tmp_path / "poses.csv")
     expected = ["converged", "unparsable", "non finite", "converged", "unparsable"]
@@ -107,7 +107,9 @@ def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
     assert table.used.fillna("").tolist() == ["abc", "", "ac", "abc", ""]
     known = command(*words, "--beam", "known", "--force", cwd=tmp_path).stdout
     assert "2 of 5 rows solved" in known
-    assert "Rows without a redundant reading: 1." in known
+    assert "1 unchecked: row 3\n" in known
+    assert "Rows without a redundant reading: 1. A detector gives no usable" in known
+    assert "(PSD B in 1)" in " ".join(known.split())
     assert poses(tmp_path / "poses.csv").status[2] == "unchecked"
     accepted = command(
         *words, "--beam", "known", "--accept-unchecked", "--force", cwd=tmp_path

@@ -340,11 +340,13 @@ def test_text_that_is_not_utf8_is_an_error_with_its_line(write):
     [
         ("papr", "did you mean 'paper'.*shipped names: bench, bench-drift, bench-light, catalogue"),
         ("nothere.yaml", "no such file"),
+        ("my", "did you mean 'my.yaml'. The name of a file needs its ending"),
         (".", "folder"),
         ("x" * 300, "too long"),
     ],
 )  # fmt: skip
 def test_a_missing_file_lists_what_there_is(write, name, says):
+    write("a: 1")
     with pytest.raises(ConfigError, match=f"(?s){says}"):
         load(name)
 

@@ -208,6 +208,15 @@ def test_the_command_tells_yields_and_writes_tables(run_in_process, tmp_path):
     assert run_in_process(*words)[0] == 2  # without --force
 
 
+def test_a_perfect_head_that_violates_a_requirement_is_reported_first(run_in_process):
+    status, printed, _ = run_in_process("tolerances", "paper", "--heads", "10", "-d", "out")
+    printed = " ".join(printed.split())
+    assert status == 1
+    assert "head itself violates the requirements in the volume (optimize.volume is the" in printed
+    assert "The worst margin is -7.39 %: spot on PSD B, -z edge" in printed
+    assert "take smaller tolerances" not in printed
+
+
 @pytest.mark.slow
 def test_a_yield_that_can_not_be_had_is_told(run_in_process, tmp_path):
     text = LOOSE.replace("psd_place_mm: 0.05", "psd_place_mm: 3")

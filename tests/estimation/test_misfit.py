@@ -14,7 +14,6 @@ from facets.estimation import (
     FALSE_ALARM_RATE,
     LIMITS,
     MIN_REDUNDANCY,
-    Misfit,
     Tally,
 )
 
@@ -47,21 +46,21 @@ NOISE = facets.standard_deviations(CONFIG.sensor, facets.readings(CONFIG.sensor,
 
 
 def flags(sensor, raw, options=OPTIONS):
-    found = Misfit()
-    solution = measure(sensor, options, Samples(raw))
-    found.add(solution, sensor, options.knowledge(sensor), options.method, raw)
-    return solution.misfit, found
+    measurement = Measurement(replace(CONFIG, sensor=sensor, solve=options))
+    solution = measurement.poses(Samples(raw)).solution
+    return solution.misfit, measurement.tally.misfit
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_a_single_flag_is_left_to_chance_and_more_are_spoilt_readings(count):
+def test_corrupted_readings_are_reported_from_the_first_on(count):
     raw = read(100)
     raw[:count, 3] += 0.1
     marks, found = flags(CONFIG.sensor, raw)
     assert marks.tolist() == [True] * count + [False] * (100 - count)
     assert (
-        ("single readings are corrupted" in found.sentence) == bool(found.sentence) == (count == 2)
+        ("single readings are corrupted" in found.sentence) == bool(found.sentence) == (count > 0)
     )
+    assert ("(see sample 1)" in found.sentence) == (count == 1)
 
 
 def test_an_error_of_all_readings_is_not_taken_for_single_spoilt_ones():
@@ -146,12 +145,12 @@ def test_poses_that_only_wide_priors_check_are_counted_as_unchecked():
         measurement.poses(Samples(rest))
         said = " ".join(measurement.tally.sentences(measurement.config))
         assert words in said
-        assert ("a wrong power by any amount" in said) == accepts
+        assert ("A wrong power then shifts the pose by any amount" in said) == accepts
         assert "times the noise" not in said
     assert (
         Tally(unseen=np.array([np.inf, np.inf]))
-        .unseen_sentence()
-        .endswith("a wrong position of a spot by any amount, a wrong power by any amount.")
+        .unseen_sentence("known")
+        .endswith("by any amount; a wrong position of a spot by any amount.")
     )
 
 

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 TOLD = {
     "misfits": r"\d+ of \d+ poses have a residual beyond chance .*?; the median",
     "unchecked poses": r"Poses without a redundant reading: \d+",
-    "unseen errors": r"shift a pose without raising its residual, .*? power by [^.]*",
+    "unseen errors": r"A wrong power then shifts the pose by .*?; a wrong position .*?\.",
     "missing temperatures": r"\d+ (rows|samples) have no value of temperature_c",
     "the zero": r"zero: .*? \d+ samples?: ",
 }

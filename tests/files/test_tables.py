@@ -207,6 +207,10 @@ def test_other_bad_files_are_named(tmp_path, write):
         (write("", "t.h5"), r"t\.h5: is empty"),
         (write("psi_a_mm,b,c,b\n", "twice.csv"), "appear twice: b"),
         (write("psi_a,b\n1,2\n"), r"missing columns: psi_a_mm, c; did you mean 'psi_a'"),
+        (
+            write("psi_a_um,b\n1,2\n", "um.csv"),
+            r"psi_a_mm, c; psi_a_um has another unit: convert it to mm",
+        ),
     ):
         with pytest.raises(InputError, match=says):
             read(path, ("psi_a_mm", "b", "c"))

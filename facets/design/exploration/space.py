@@ -103,7 +103,7 @@ def space_of(
             f"unknown measure {', '.join(unknown)}; allowed: {', '.join(MEASURES)}"
             f"{suggest_name(unknown[0], MEASURES)}"
         )
-    require_variables(settings.layout)
+    require_variables(settings.layout, settings.name)
     space = Space(
         settings.sensor, replace(settings.range, object=settings.layout.object), settings.layout,
         count, seed, tuple(objectives), required,
