@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import facets
-from facets import config as configuration, design, files, live, noise_analysis, pictures
+from facets import config as configuration, core, design, files, live, noise_analysis, pictures
 from facets.core.names import POSE, STATE_COLUMNS
 from facets.core.plain_numbers import count_text
-from facets.core.units import write_micro
 
 from .console import FINDING, draw_extra, show_progress, show_table, wrap
 from .options import (
@@ -143,7 +142,8 @@ def show_channels(report: NoiseReport) -> None:
             for line in model.lines[:3]
         )
         print(
-            f"  {channel.name:<12} {model.standard_deviation:8.3g} {write_micro(channel.unit):<4} "
+            f"  {channel.name:<12} {model.standard_deviation:8.3g} "
+            f"{core.units.write_micro(channel.unit):<4} "
             f"(configured {channel.configured:.3g})  white {model.white_deviation:.3g}  drift "
             f"{model.drift.value:.2g}/s  spikes {model.spikes}{lines}"
         )

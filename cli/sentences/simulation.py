@@ -43,7 +43,7 @@ def outcome(segment: Segment) -> str:
     text = f"  {count_text(len(segment.time), 'sample')}: {counts}"
     lost = {"the spot missed it": ~segment.reached, "it was saturated": segment.saturated}
     for why, which in lost.items():
-        for letter, count in zip("ABC", which.sum(axis=0), strict=True):
+        for letter, count in zip("ABC", which.sum(axis=0).tolist(), strict=True):
             if count:
                 text += f"\n  {count_text(count, 'sample')} without PSD {letter}: {why}"
     still = [
