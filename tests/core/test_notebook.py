@@ -26,7 +26,10 @@ def test_a_solution_says_how_many_poses_are_right():
     readings = facets.add_noise(sensor, facets.readings(sensor, np.zeros((1000, 8))), noise)
     readings[:2] = np.nan
     solution = facets.solve(sensor, readings)
-    assert repr(solution) == "Solution: 1,000 poses, 997 ok, residual 1.02 of 1.00 expected"
+    expected = (
+        "Solution: 1,000 poses, 997 ok, residual 1.02 of 1.00 expected; the first misfits: [65]"
+    )
+    assert repr(solution) == expected
     table = solution._repr_html_()
     assert table.count("<tr") == 6
     for text in ("<td>non finite", "\u00a0±\u00a00.00", "... 995 more rows"):
