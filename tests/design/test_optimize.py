@@ -209,7 +209,7 @@ ELECTRONICS = facets.Electronics()
         ({"electronics": ELECTRONICS},
          {"psds": {str(n): PsdPart(10.0 + n, None, 1.0) for n in range(25)}}, "larger detector"),
         ({}, {"variables": {"transimpedance_kohm": (5.0, 5000.0)}}, "needs sensor.noise.model"),
-        ({}, {"variables": {}}, "name what may vary"),
+        ({}, {"variables": {}}, "state what may vary"),
     ],
 )  # fmt: skip
 def test_what_can_not_be_optimised_is_an_error(effects, asked, words):

@@ -126,7 +126,7 @@ def test_a_report_tells_the_whole_story(optimised):
 def test_optimize_writes_a_better_layout_and_tells_how_it_was_found(optimised):
     folder, printed = optimised
     for part in (
-        "for 90 % of the heads spots, light and limits are kept with",
+        "tolerances give them, for 90 % of the heads (predicted",
         "what holds it back",
         "proved: no two states within the ranges of the axes and with at least 10.8 % of the light"
         " on each detector (32.4 µW of a laser of 0.3 mW or less)",

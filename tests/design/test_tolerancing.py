@@ -223,7 +223,7 @@ def test_a_yield_that_can_not_be_had_is_told(run_in_process, tmp_path):
     load(tmp_path, text + "  production: {yield_percent: 99}\n")
     status, printed, errors = run_in_process("optimize", "loose.yaml", "-o", "best.yaml")
     assert status == 1, errors
-    assert "no layout was found of whose heads 99 %" in printed
+    assert "No layout was found of whose heads 99 %" in printed
     assert not (tmp_path / "best.yaml").exists()
 
 

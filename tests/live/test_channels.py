@@ -113,7 +113,7 @@ def test_a_run_without_a_temperature_that_the_sensor_follows_says_what_it_costs(
     text = temperature_sentence(config)
     assert text.startswith("acquire.channels names no channel temperature_c, though")
     shift = np.abs(shift_per_kelvin(config.sensor, config.solve))
-    assert f"up to {1e3 * shift[:3].max():.2g} um and" in text
+    assert f"up to {1e3 * shift[:3].max():.2g} µm and" in text
     for config in (BENCH, configure(FORCE, HEAT, thermal=THERMAL)):
         assert temperature_sentence(config) == ""
 
