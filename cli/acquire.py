@@ -57,7 +57,7 @@ CheckStage = Annotated[
     typer.Option(
         "--check-stage",
         help="Move the stage by 0.05 mm along each axis, beginning with one native step, and check "
-        "with the readings that it is wired as configured. The mirror must stand still.",
+        "with the readings that it is wired as configured. The mirror must be at rest.",
     ),
 ]
 Write = Annotated[

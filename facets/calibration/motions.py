@@ -32,7 +32,7 @@ from .table import choice
 
 #: Least fraction of a pattern that lies in the weak directions, for the pattern to be named; and
 #: least component of another weak direction that is named.
-NAMED_SHARE, NAMED_PART = 0.98, 0.25
+NAMED_FRACTION, NAMED_PART = 0.98, 0.25
 
 
 class Direction(NamedTuple):
@@ -71,13 +71,13 @@ def weak_directions(
     for pattern in conventions(sensor, choice):
         scaled = pattern[choice.places] / choice.sigma
         scaled /= np.linalg.norm(scaled) or 1.0
-        if np.linalg.norm(space.T @ scaled) > NAMED_SHARE:
+        if np.linalg.norm(space.T @ scaled) > NAMED_FRACTION:
             space = remove_direction(space, scaled)
     weak = []
     for words, pattern in patterns(sensor).items():
         scaled = pattern[choice.places] / choice.sigma
         level, size = information_along(matrix, scaled), np.linalg.norm(scaled)
-        if level < limit and np.linalg.norm(space.T @ scaled) > NAMED_SHARE * size:
+        if level < limit and np.linalg.norm(space.T @ scaled) > NAMED_FRACTION * size:
             weak.append(Direction(level, words))
             space = remove_direction(space, scaled / size)
     small = space.T @ matrix @ space

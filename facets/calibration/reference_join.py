@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 #: Largest offset that is tried as a fraction of the common time, and number of trials.
-OFFSET_SHARE, OFFSET_COUNT = 0.25, 401
+OFFSET_FRACTION, OFFSET_COUNT = 0.25, 401
 #: Largest offset that is tried, s.
 LARGEST_OFFSET_S = 2.0
 #: Likeness below which the motion does not determine the offset.
@@ -163,7 +163,7 @@ def find_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tup
     likeness; an offset of 0 if the likeness is not above LEAST_LIKENESS."""
     time, pose = some_poses(sensor, columns)
     shared = min(np.nanmax(time), track.time[-1]) - max(np.nanmin(time), track.time[0])
-    width = min(OFFSET_SHARE * shared, LARGEST_OFFSET_S)
+    width = min(OFFSET_FRACTION * shared, LARGEST_OFFSET_S)
     tried = np.linspace(-width, width, OFFSET_COUNT)
     for _ in range(3):
         marks = np.array([likeness(time, pose, track, offset) for offset in tried])

@@ -246,7 +246,7 @@ def read_stops(path: Path, settings: Config, dwells: bool) -> StopReadings:
     means = np.column_stack([rests.columns[name] for name in READING_COLUMNS])
     if not len(means) or not np.isfinite(means).all():
         raise InputError(
-            f"{path}: the reference stands still {len(means)} times; every stop needs all nine "
+            f"{path}: the reference is at rest {len(means)} times; every stop needs all nine "
             "readings"
         )
     return add_temperature(

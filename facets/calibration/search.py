@@ -272,7 +272,7 @@ INTERMEDIATE = StoppingRule(steps=12, fall=0.3)
 ROLLOFF_WIDTH, ROLLOFF_WIDTH_START_MM = "rolloff.width", 0.03
 #: Candidates are added together if their falls of chi-square are at least this fraction of the
 #: largest: the linear model is not accurate enough for the others until the large ones are added.
-TOGETHER_SHARE = 0.1
+TOGETHER_FRACTION = 0.1
 REQUESTED = "asked for"
 
 
@@ -443,7 +443,7 @@ def add_best(state: SearchState) -> tuple[SearchState, bool]:
         good = [row for row in tried if row.accepted]
         if good:
             largest = max(row.fall for row in good)
-            together = [row for row in good if row.fall > TOGETHER_SHARE * largest]
+            together = [row for row in good if row.fall > TOGETHER_FRACTION * largest]
             keys = {row.key for row in together}
             chosen = [candidate for candidate in group if candidate.key in keys]
             return add_candidates(state, chosen, together), True

@@ -183,7 +183,7 @@ def averaged_columns(
     dwells = find_reference_dwells(columns, settings.reference)
     if len(dwells.rows) < 10:
         raise InputError(
-            f"{path}: the reference stands still {len(dwells.rows)} times, for {MIN_ROWS} rows or "
+            f"{path}: the reference is at rest {len(dwells.rows)} times, for {MIN_ROWS} rows or "
             f"more within {LARGEST_DISTANCE:g} of its standard uncertainties; a calibration needs "
             "10 at least. Leave out --dwells for a motion that does not stop"
         )
@@ -219,7 +219,7 @@ def half_runs(time: Floats) -> Floats:
 
 
 #: Fraction of a run over which the temperature is smoothed before its rate of change is taken.
-CHANGE_SHARE = 0.05
+CHANGE_FRACTION = 0.05
 #: Time constants of a head that follows the temperature late, in half runs.
 PAST_HALF_RUNS = np.array([0.1, 0.2, 0.4, 0.8, 1.6])
 
@@ -246,7 +246,7 @@ def pasts(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
     out = np.zeros((len(time), len(PAST_HALF_RUNS) + 1))
     out[order, :-1] = past + air[0] - air
     if len(order) > 1:
-        size = max(3, int(CHANGE_SHARE * len(order)))
+        size = max(3, int(CHANGE_FRACTION * len(order)))
         smooth = uniform_filter1d(air[:, 0], size, mode="nearest")
         steps = np.maximum(np.diff(time[order]), 1e-12)
         out[order[1:], -1] = np.diff(smooth) / steps

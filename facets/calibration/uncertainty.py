@@ -126,10 +126,10 @@ def misfit_covariance(
 #: deviation from a Gaussian for this fraction. Ghosts of a thousandth moved x and y of calibrations
 #: by 0.5 to 1.4 of their fraction (the study `disturbed_rigs`), for which the bound gives 0.3 to
 #: 0.6. Another reflex, 1 to 2.5 standard deviations away, moves it by 2.4 to 0.4 of its fraction.
-CENTRE_PER_SHARE = 1.5
+CENTRE_PER_FRACTION = 1.5
 #: Root of the sum of squares of the third-order Hermite coefficients of a second beam, per unit of
 #: its fraction of the power, at a distance of nearly two standard deviations.
-ORDER_3_PER_SHARE = 1.45
+ORDER_3_PER_FRACTION = 1.45
 #: Prior standard uncertainty of the area broken off each facet's tip, square to the mirror's axis,
 #: mm^2.
 CHIP_SIGMA_MM2 = 4e-4
@@ -150,10 +150,10 @@ def centre_sigma(sensor: Sensor, remainder: Remainder, before: dict[str, float])
         return 0.0
     fraction = before.get("beam_profile_percent", 0.0) / 100
     if fraction:
-        sigma = ORDER_3_PER_SHARE * fraction / 2  # each of four numbers
+        sigma = ORDER_3_PER_FRACTION * fraction / 2  # each of four numbers
         square = second_moment(remainder, effect_columns(remainder, "asymmetry"), sigma)
-        fraction = float(np.sqrt(square)) / ORDER_3_PER_SHARE
-    uneven = CENTRE_PER_SHARE * np.hypot(fraction, profile_size(remainder.fit, "asymmetry"))
+        fraction = float(np.sqrt(square)) / ORDER_3_PER_FRACTION
+    uneven = CENTRE_PER_FRACTION * np.hypot(fraction, profile_size(remainder.fit, "asymmetry"))
     return float(np.hypot(beam_sigma(sensor) * uneven, lost_light_shift(remainder)))
 
 

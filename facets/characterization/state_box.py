@@ -74,7 +74,7 @@ def range_box(sensor: Sensor, rules: Rules) -> StateBox:
 #: Format of a box's side on the command line.
 BOX_FORM = "NAME=HALF or NAME=LOW:HIGH"
 #: Largest relative rounding error of the quotient in a least share.
-ROUNDING_SHARE = 1e-12
+ROUNDING_FRACTION = 1e-12
 
 
 def least_share(sensor: Sensor, rules: Rules, power_off: float = 0.0) -> float:
@@ -83,7 +83,7 @@ def least_share(sensor: Sensor, rules: Rules, power_off: float = 0.0) -> float:
     power_off: largest deviation of the laser's power, mW.
     """
     fraction = rules.snr * power_floor(sensor) / (sensor.beam.power + power_off)
-    return fraction * (1 - ROUNDING_SHARE)
+    return fraction * (1 - ROUNDING_FRACTION)
 
 
 def parse_box(text: str) -> StateBox:

@@ -31,7 +31,7 @@ def describe_rate(rate: float) -> str:
         return ""
     subject, clock_ratio = "the detector board's clock (t_us)", 1 - rate
     if clock_ratio < STANDSTILL:
-        return f"{subject} stands still: check the counter that the firmware reads"
+        return f"{subject} does not advance: check the counter that the firmware reads"
     if abs(rate) <= IMPOSSIBLE_RATE:
         size, late = f"{1e6 * abs(rate):.4g} ppm", "; or its data come later and later"
         return (

@@ -36,7 +36,7 @@ from .interval_matrix import UNION, Intervals, hull_of_arrays
 SLICES, SLICES_PER_SQUARE_SIGMA = 6, 5
 #: A box of offsets is quartered until the lower bound of each share is at least this fraction of
 #: the upper one, but at most this many times.
-SHARP_SHARE, MAX_QUARTERINGS = 0.25, 6
+SHARP_FRACTION, MAX_QUARTERINGS = 0.25, 6
 #: The largest distance of the apex that is searched, sigmas: beyond, one facet has almost no light.
 FARTHEST_SIGMAS = 8.0
 
@@ -154,7 +154,7 @@ def light_on_facets(edges: FacetEdges, q: Intervals, least_share: float = 0.0) -
 
 def are_sharp(lights: list[FacetLight]) -> bool:
     """Whether the bounds of all shares are so close that a box needs no quartering."""
-    return all(light.mass.lower() > SHARP_SHARE * light.mass.upper() for light in lights)
+    return all(light.mass.lower() > SHARP_FRACTION * light.mass.upper() for light in lights)
 
 
 def limit_light(light: FacetLight, least_share: float) -> FacetLight:

@@ -22,9 +22,9 @@ from ..core.motions import Vibration
 from ..core.units import Floats
 
 #: Default upper end of the force's band, as a fraction of the rate.
-BAND_SHARE = 0.4
+BAND_FRACTION = 0.4
 #: Length of the slopes at both ends of a burst and of a sweep, as a fraction of the period.
-TAPER_SHARE = 0.02
+TAPER_FRACTION = 0.02
 
 
 def receptance(motion: Vibration, frequency: Floats) -> NDArray[np.complex128]:
@@ -41,7 +41,7 @@ def shake(motion: Vibration, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """One period of the force (n,), N, and of the displacement (n, 6) of the pose, mm and rad."""
     count = motion.samples
     frequency: Floats = np.fft.rfftfreq(count, 1 / motion.rate).astype(np.float64)
-    high = motion.high if isfinite(motion.high) else BAND_SHARE * motion.rate
+    high = motion.high if isfinite(motion.high) else BAND_FRACTION * motion.rate
     if not ((frequency >= motion.low) & (frequency <= high) & (frequency > 0)).any():
         raise InputError(
             f"a vibration from from_hz: {motion.low:g} to to_hz: {high:g} with {count} samples at "
@@ -69,7 +69,7 @@ def shake(motion: Vibration, rng: np.random.Generator) -> tuple[Floats, Floats]:
 def _taper(count: int, length: int) -> Floats:
     """A window (count,) that is one on the first `length` samples, with smooth slopes at both
     ends."""
-    slope = max(1, round(TAPER_SHARE * count))
+    slope = max(1, round(TAPER_FRACTION * count))
     window = np.zeros(count)
     window[:length] = 1.0
     rise = np.sin(0.5 * np.pi * (np.arange(slope) + 0.5) / slope) ** 2

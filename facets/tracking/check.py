@@ -241,7 +241,7 @@ class StageCheck(Tracker):
             at = f" while the stage was to move along {moved}" if self.leg else ""
             return [f"the check was not completed{at}: {why}", *self.unexpected_response(moved)]
         if np.ptp(np.array(self.apexes), axis=0).max() > MAX_MIRROR_MM:
-            return ["the mirror moved during the check: it must stand still"]
+            return ["the mirror moved during the check: it must be at rest"]
         return [axis.fault for axis in self.axes() if axis.fault]
 
     def unexpected_response(self, name: str) -> list[str]:

@@ -80,7 +80,7 @@ def check_place(driver: Driver, limits: Limits) -> Floats:
     assert np.abs(first - second).max() < SAME_PLACE_MM, "the stage moves though it was stopped"
     low, high = np.array(limits.low) + 3 * MOVE_MM, np.array(limits.high) - 3 * MOVE_MM
     inside = (low < first) & (first < high)
-    assert inside.all(), "the stage stands too near its limits"
+    assert inside.all(), "the stage is too near its limits"
     return first
 
 
@@ -97,7 +97,7 @@ def check_move(
     begin = at
     driver.move(goal)
     while np.abs(before - goal).max() > SAME_PLACE_MM:
-        assert now() - begin < MAX_MOVE_S, f"the stage stands at {before}, not at {goal}"
+        assert now() - begin < MAX_MOVE_S, f"the stage is at {before}, not at {goal}"
         place, then = driver.place(), now()
         most = 1.5 * max_speed * (then - at) + SAME_PLACE_MM + step
         assert np.abs(place - before).max() <= most, "the stage moves faster than max_speed"

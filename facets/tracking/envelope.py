@@ -151,7 +151,7 @@ class Envelope:
         high = np.array(self.limits.high) + POSITION_SLACK_MM
         if (place < low).any() or (place > high).any():
             raise StageError(
-                f"the stage stands at {(place - self.settings.zero).round(3).tolist()} mm, outside "
+                f"the stage is at {(place - self.settings.zero).round(3).tolist()} mm, outside "
                 "its soft limits (stage.low_mm, stage.high_mm); bring it back by its maker's "
                 "program"
             )

@@ -1,4 +1,4 @@
-"""Averages where a reference stands still: what is a stand, and how well its mean is known."""
+"""Averages over dwells of a reference: which rows are a dwell, and how well its mean is known."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_a_table_of_stands_becomes_a_sample_each():
     over = (data.raw - facets.readings(config.sensor, states)) / data.noise
     assert np.sqrt((over**2).mean()) == pytest.approx(1, abs=0.3)
     few = {name: values[:800] for name, values in columns.items()}
-    with pytest.raises(InputError, match=r"stands still 8 times.*Leave out --dwells"):
+    with pytest.raises(InputError, match=r"at rest 8 times.*Leave out --dwells"):
         gather_samples(Path("t.csv"), few, choice)
 
 

@@ -43,7 +43,7 @@ TICK_S, SAMPLE_S, WATCH_S = 2e-3, 5e-3, 0.02
 #: Largest distance that rounding to the stage's native unit carries it beyond a border, mm.
 ROUNDING_MM = 1e-3
 #: Largest relative increase of a speed by the same rounding.
-ROUNDING_SHARE = 1e-2
+ROUNDING_RATIO = 1e-2
 #: Speed below which the stage counts as standing still, mm/s.
 STILL_MM_S = 0.05
 #: Powers below this are no light, mW.
@@ -208,8 +208,8 @@ class WatchedStage(StageModel):
         change = max(abs(self.speed - speed)) / step
         past = self.excess(self.place)
         world.require(past <= ROUNDING_MM + self.excursion, "outside of the soft limits")
-        world.require(fastest <= s.max_speed * (1 + ROUNDING_SHARE), "too fast")
-        world.require(change <= s.acceleration * (1 + ROUNDING_SHARE) + 1, "accelerated too much")
+        world.require(fastest <= s.max_speed * (1 + ROUNDING_RATIO), "too fast")
+        world.require(change <= s.acceleration * (1 + ROUNDING_RATIO) + 1, "accelerated too much")
         if fastest > STILL_MM_S:
             self.moved = self.now
         world.tally.reach("speed", fastest / s.max_speed)

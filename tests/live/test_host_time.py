@@ -124,7 +124,7 @@ def test_a_clock_that_is_off_by_more_than_a_quartz_is_told_and_its_times_are_kno
 @pytest.mark.parametrize(
     ("pace", "words"),
     [(10.0, "10 times"), (1.2, "prescaler"), (1e-3, "counts milliseconds"), (1e3, "nanoseconds"),
-     (0.0, "stands still")],
+     (0.0, "does not advance")],
 )  # fmt: skip
 def test_a_board_whose_times_are_in_another_unit_ends_with_a_complaint(pace, words):
     pipeline = Pipeline(BENCH)

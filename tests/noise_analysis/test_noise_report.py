@@ -106,7 +106,7 @@ def test_the_rate_of_a_recording_is_that_of_its_arrivals(pace):
     table = pd.DataFrame(columns)
     assert facets.to_sep005(table)[0]["fs"] == pytest.approx(1000, rel=1e-3)
     table["board_us"] = 5
-    with pytest.raises(facets.InputError, match="stands still"):
+    with pytest.raises(facets.InputError, match="does not advance"):
         facets.to_sep005(table)
 
 

@@ -173,7 +173,7 @@ class Faulty(Mine):
         ("nan", r"place\(\) gives"),
         ("deaf", r"emergency_stop\(\) did not stop|still moves after emergency_stop"),
         ("fast", "faster than max_speed"),
-        ("past", "stands at|past its goal"),
+        ("past", "the stage is at .*, not at|past its goal"),
     ],
 )
 def test_the_contract_finds_faults(mine, fault, words):

@@ -164,7 +164,7 @@ def stage_sentences(live: Live) -> Iterator[str]:
     if live.tracker.bridges:
         yield f"{live.tracker.bridges} gaps were bridged by the predicted motion"
     if stops := live.tracker.envelope.stops:
-        ended = "stands since then" if live.stage_stop else "was resumed after each"
+        ended = "is stopped since then" if live.stage_stop else "was resumed after each"
         yield f"the stage was stopped {times_text(stops)}, and {ended}"
     if live.beam_loss.lost and live.latency and not live.is_urgent:  # no bench in the process
         yield (

@@ -207,7 +207,7 @@ def sentences(sensor: Sensor) -> list[str]:
     if any(light.delays):
         texts.append(
             "The detectors are read at different times (light.delays). That concerns a mirror in "
-            "motion; here it stands still."
+            "motion; here it is at rest."
         )
     if is_corrected(sensor):
         texts.append(
